@@ -126,9 +126,9 @@ class Certificate:
         within which each has an eigenvalue of the matrices.
     error_bound : ndarray of shape (k,), float64, or None
         How far each eigenvalue is at most from that of the mesh in exact arithmetic, in 1/length²:
-        rounding of the matrices, which the residual cannot see, is counted. Infinite where rounding
-        leaves nothing that could be proved. None where it was not
-        computed: for other elements, and for labels that are read from a store.
+        rounding of the matrices, which the residual cannot see, is counted; of other than linear
+        elements to first order, see :func:`synthnet.spectrum.rounding.of_matrices`. Infinite where
+        rounding leaves nothing that could be proved. None for labels that are read from a store.
     zeros : int or None
         How many of those counted are zero: one for each component in which nothing is held at zero.
         None where that is not known: for labels that are read from a store.

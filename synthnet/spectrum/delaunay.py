@@ -17,6 +17,7 @@ import numpy as np
 
 from synthnet.kernels import kernel
 from synthnet.mesh.adjacency import edge_keys, joined_half_edges
+from synthnet.mesh.geometry import MeshFacts, corner_edges
 from synthnet.spectrum.arrays import Booleans, Floats, Int64s
 from synthnet.spectrum.fem import REMEDY, Matrices, gathered
 from synthnet.types import Mesh
@@ -25,8 +26,10 @@ ROUNDING = 1e-12  # relative: an edge whose angles add up to π but for this sta
 MOST_FLIPS = 100  # for each face; a few are usual
 
 
-def assemble(mesh: Mesh) -> Matrices:
+def assemble(mesh: Mesh) -> tuple[Matrices, float]:
     """Return stiffness and consistent mass on the intrinsic Delaunay triangulation.
+
+    And the largest relative error of an area, in rounding units, see :func:`_area_error`.
 
     Parameters
     ----------
@@ -55,7 +58,27 @@ def assemble(mesh: Mesh) -> Matrices:
         stiffness[:, i, i] += weights[:, i]
         stiffness[:, j, j] += weights[:, i]
     mass[:] = (1 + np.eye(3)) / 12 * areas[:, None, None]
-    return gathered(corners, stiffness, mass, len(mesh.vertices))
+    error = _area_error(mesh, corners, squares.max(axis=1) ** 0.5, areas)
+    return gathered(corners, stiffness, mass, len(mesh.vertices)), error
+
+
+def _area_error(mesh: Mesh, corners: Int64s, longest: Floats, areas: Floats) -> float:
+    """Return the largest relative error of an intrinsic triangle's area, in rounding units.
+
+    A length that is off by so much of itself moves an area by the square of the longest edge over
+    the altitude. An altitude of a triangle that is flipped away is off by the same in relation to
+    itself, or if that is more, by the root of a unit in relation to the edge; and with it the new
+    edge. What errors do to each other along a chain of flips is left out.
+    """
+    altitudes = 2 * areas / longest
+    error = float((longest / altitudes).max()) ** 2
+    flipped = (corners != mesh.faces).any(axis=1)
+    if flipped.any():
+        old = Mesh(mesh.vertices, mesh.faces[flipped])
+        edges = np.sqrt(np.square(corner_edges(old)).sum(axis=2).max(axis=1))
+        off = edges / np.maximum(MeshFacts(old).relative_altitudes, np.finfo(np.float64).eps ** 0.5)
+        error = max(error, float(off.max() / altitudes[flipped].min()))
+    return error
 
 
 def triangulate(mesh: Mesh) -> tuple[Int64s, Floats]:

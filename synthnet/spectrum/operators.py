@@ -21,6 +21,7 @@ from scipy import sparse
 
 from synthnet.errors import needed_by
 from synthnet.mesh.adjacency import edge_keys
+from synthnet.mesh.geometry import MeshFacts
 from synthnet.spectrum import bending, curved, delaunay, fem
 from synthnet.spectrum.arrays import Booleans, Floats, Int64s
 from synthnet.spectrum.fem import Matrices
@@ -157,11 +158,19 @@ class Discrete(NamedTuple):
         Their numbers among all unknowns; None if all are free.
     vertices : int
         n, the vertices of the mesh.
+    condition : float
+        Of other than linear elements: the relative error of an element's area, in rounding units.
+    entries : ndarray of shape (m,), float64, or None
+        Of each unknown, to what the rounding errors of its elements' entries of A are relative: at
+        least the sum of these elements' traces. None for linear elements, see
+        :mod:`synthnet.spectrum.rounding`.
     """
 
     matrices: Matrices
     free: Int64s | None
     vertices: int
+    condition: float = 1.0
+    entries: Floats | None = None
 
     def at_vertices(self, rows: Floats) -> Floats:
         """Return functions (c, m) at the vertices, (c, n): zero where they are held."""
@@ -199,22 +208,39 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     n = len(mesh.vertices)
     if operator.elements in ("linear", "quadratic", "curved"):
         _warn_of_sheets(mesh)
-    if operator.elements == "tufted":
-        matrices = _tufted(mesh)
-    elif operator.elements == "quadratic":
-        matrices = curved.quadratic(bending.straight(mesh))
-    elif operator.elements == "curved":
-        matrices = curved.quadratic(bending.bend(mesh))
-    else:
-        intrinsic = operator.elements == "delaunay"
-        plain = delaunay.assemble(mesh) if intrinsic else fem.assemble(*fem.as_arrays(mesh))
-        matrices = _with_mass(plain, operator.share)
+    matrices, condition = _assembled(mesh, operator)
+    entries = None
+    if operator.elements != "linear":
+        rows = np.repeat(np.arange(len(matrices.lumped)), np.diff(matrices.indptr))
+        diagonal = matrices.stiffness[rows == matrices.indices]
+        entries = np.add.reduceat(diagonal[matrices.indices], matrices.indptr[:-1])
     if isinstance(operator.boundary, str) and operator.boundary == "neumann":
-        return Discrete(matrices, None, n)
+        return Discrete(matrices, None, n, condition, entries)
     held = np.concatenate(_held(operator.boundary, mesh))[: len(matrices.lumped)]
     if held.all():
         raise ValueError("every unknown is held at zero: nothing is left to solve")
-    return Discrete(_without(matrices, held), np.flatnonzero(~held), n)
+    free = np.flatnonzero(~held)
+    left = None if entries is None else entries[free]
+    return Discrete(_without(matrices, held), free, n, condition, left)
+
+
+def _assembled(mesh: Mesh, operator: Operator) -> tuple[Matrices, float]:
+    """Return the matrices of all unknowns, and their condition, see :class:`Discrete`.
+
+    From two edges, an area is computed with an error of rounding units times the longest edge over
+    the altitude. Of the tufted cover nothing is known but its matrices.
+    """
+    if operator.elements == "tufted":
+        return _tufted(mesh), 1.0
+    if operator.elements == "linear":
+        return _with_mass(fem.assemble(*fem.as_arrays(mesh)), operator.share), 1.0
+    if operator.elements == "delaunay":
+        matrices, condition = delaunay.assemble(mesh)
+        return _with_mass(matrices, operator.share), condition
+    bent = operator.elements == "curved"
+    matrices = curved.quadratic(bending.bend(mesh) if bent else bending.straight(mesh))
+    thinnest = 1 / float(MeshFacts(mesh).relative_altitudes.min())  # none is flat: that is refused
+    return matrices, thinnest / (curved.FLATTEST if bent else 1.0)
 
 
 def assemble(mesh: Mesh) -> Matrices:

@@ -11,6 +11,9 @@ with a relative error of a few rounding units over the sine of the angle between
 largest of the triangle. Rayleigh quotients of these energies are exact to the square of the errors
 of the eigenfunctions; their distance to the eigenvalues of the matrices is what rounding has done.
 
+Of other elements only the matrices are looked at. The part of an element in A is off by a relative
+error, that of its area, and each entry by rounding units of its trace.
+
 References
 ----------
 R.-C. Li, "Matrix perturbation theory" in "Handbook of Linear Algebra" (2006), 15.2, and C.-K. Li,
@@ -19,6 +22,7 @@ the error of Ritz values is quadratic in the residual. N. J. Higham, "Accuracy a
 Numerical Algorithms" (2002), chapter 3.
 """
 
+from collections.abc import Callable
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -30,7 +34,7 @@ from synthnet.kernels import kernel, uncounted
 from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.certificate import Candidate
 from synthnet.spectrum.components import unheld
-from synthnet.spectrum.fem import FEW, PIECE, Matrices, as_arrays, pieces
+from synthnet.spectrum.fem import FEW, PIECE, Matrices, as_arrays, multiply, pieces
 from synthnet.spectrum.operators import Discrete
 from synthnet.types import Mesh
 
@@ -39,6 +43,9 @@ BLOCK = 64  # functions, of many: the products of all pairs would take longer th
 # Rounding units in the energy of a triangle, over the sine of its largest angle. In halves of one,
 # the slope's first component has 19, the second 6 and the area 7, so the energy at most 47.
 OPERATIONS = 24
+# Rounding units in an entry of an element's matrices: a sum of 18 products, and of a few elements
+ENTRIES = 64
+HOPELESS = 0.1  # relative: where areas are off by more, nothing can be said to first order
 ALONE = 8  # how many times less than defects of single functions what their mixing adds may be
 KEPT = 1e-6  # of an eigenvalue: the largest bound with which eigh's answer is kept; import's limit
 
@@ -92,36 +99,75 @@ def sharpened(
     vectors : ndarray of shape (n, c), float64, or None
         B-orthonormal columns; in blocks, each within its own.
     """
-    given = mesh, discrete, candidate, numbers, share, with_vectors
-    values, bounds, vectors = _ritz_pairs(*given, graded=False)
+    vertices, faces = as_arrays(mesh)
+
+    def energies(rows: Floats) -> _Energies:
+        return _of_triangles(vertices, faces, rows, discrete, numbers, share)
+
+    values, bounds, vectors = _ritz_pairs(energies, discrete, candidate, with_vectors)
     if not (bounds <= KEPT * values).all():
         with suppress(linalg.LinAlgError):  # what is there is kept, with its bounds
-            return _ritz_pairs(*given, graded=True)
+            return _ritz_pairs(energies, discrete, candidate, with_vectors, graded=True)
     return values, bounds, vectors
 
 
+def of_matrices(discrete: Discrete, candidate: Candidate, numbers: Int32s) -> tuple[Floats, Floats]:
+    """Return Ritz values of the matrices of other than linear elements, and how far off they are.
+
+    As :func:`sharpened`, but energies are those of the matrices. Their own rounding is added to the
+    bounds, to first order: that of an area relative to the element's energy, that of each entry
+    relative to the traces of the elements around. Where curved patches lie is taken as it was
+    computed, and so are the matrices of the tufted cover.
+    """
+
+    def energies(rows: Floats) -> _Energies:
+        return _of_entries(rows, discrete, numbers)
+
+    values, bounds, _ = _ritz_pairs(energies, discrete, candidate, with_vectors=False)
+    if ENTRIES * UNIT * discrete.condition > HOPELESS:
+        bounds[:] = np.inf
+    return values, bounds
+
+
+class _Energies(NamedTuple):
+    """What an operator makes of functions.
+
+    Attributes
+    ----------
+    functions : ndarray of shape (n, c), float64
+        At all vertices, or if only their values are wanted, those that are free.
+    stiff, weighted : ndarray of shape (m, c), float64
+        A f and B f, at the unknowns that are free.
+    gram, heavy : ndarray of shape (c, c), float64
+        FᵀAF and FᵀBF.
+    rough : ndarray of shape (2, c), float64
+        To what their rounding errors are relative.
+    """
+
+    functions: Floats
+    stiff: Floats
+    weighted: Floats
+    gram: Floats
+    heavy: Floats
+    rough: Floats
+
+
 def _ritz_pairs(
-    mesh: Mesh,
+    energies: Callable[[Floats], _Energies],
     discrete: Discrete,
     candidate: Candidate,
-    numbers: Int32s,
-    share: float,
     with_vectors: bool,
     *,
-    graded: bool,
+    graded: bool = False,
 ) -> tuple[Floats, Floats, Floats | None]:
     """Return what :func:`sharpened` does, by one of the two solvers."""
     count = len(candidate.vectors)
     above = candidate.middle if count == len(candidate.values) else candidate.values[count]
-    vertices, faces = as_arrays(mesh)
     size = BLOCK if count > 2 * BLOCK and not graded else count
-    blocks = []
-    for first in range(0, count, size):
-        rows = candidate.vectors[first : first + size]
-        functions = np.array(discrete.at_vertices(rows).T, order="C")
-        there = slice(None) if discrete.free is None else discrete.free
-        functions[there] -= _means(rows, discrete.matrices, numbers)
-        blocks.append(_ritz(vertices, faces, functions, discrete, share, with_vectors, graded))
+    blocks = [
+        _ritz(energies(candidate.vectors[first : first + size]), discrete, with_vectors, graded)
+        for first in range(0, count, size)
+    ]
     total = float(sum(block.squares for block in blocks))
     values = np.concatenate([block.values for block in blocks])
     bounds = np.concatenate([_bounds(i, blocks, above, total) for i in range(len(blocks))])
@@ -143,26 +189,39 @@ class _Block(NamedTuple):
     rounding: Floats
 
 
-def _ritz(
+def _ritz(energies: _Energies, discrete: Discrete, with_vectors: bool, graded: bool) -> _Block:
+    """Return the Ritz pairs of functions by their energies."""
+    functions, stiff, weighted, gram, heavy, rough = energies
+    values, turn = (_graded if graded else linalg.eigh)(gram, heavy)
+    squares = _squares(discrete.matrices, stiff, weighted, values, turn, heavy)
+    # Of a sum of functions the root is at most the sum of roots (Minkowski)
+    energy, mass = (np.square(np.abs(turn).T @ np.sqrt(part)) for part in rough)
+    scale = values if graded else values[-1]  # to which the solver's own rounding is relative
+    rounding = OPERATIONS * UNIT * (energy + values * mass + scale)
+    return _Block(values, functions @ turn if with_vectors else None, squares, rounding)
+
+
+def _of_triangles(
     vertices: Floats,
     faces: Int32s,
-    functions: Floats,
+    rows: Floats,
     discrete: Discrete,
+    numbers: Int32s,
     share: float,
-    with_vectors: bool,
-    graded: bool,
-) -> _Block:
-    """Return the Ritz pairs of functions (n, c) by their energies."""
-    matrices, count = discrete.matrices, functions.shape[1]
+) -> _Energies:
+    """Return energies of functions, rows of unknowns that are free, triangle by triangle."""
+    functions = np.array(discrete.at_vertices(rows).T, order="C")
+    there = slice(None) if discrete.free is None else discrete.free
+    functions[there] -= _means(rows, discrete.matrices, numbers)
+    count = functions.shape[1]
     stiff, weighted = np.zeros_like(functions), np.zeros_like(functions)
     gram, heavy, rough = np.zeros((count, count)), np.zeros((count, count)), np.zeros((2, count))
     slopes = np.empty((PIECE, 2, count))
     for part in pieces(len(faces)):
         chunk = faces[part]
         _apply(vertices, chunk, functions, stiff, weighted, slopes, rough)
-        rows = slopes[: len(chunk)].reshape(-1, count)
-        gram += rows.T @ rows
-    there = slice(None) if discrete.free is None else discrete.free
+        flat = slopes[: len(chunk)].reshape(-1, count)
+        gram += flat.T @ flat
     kept, stiff, weighted = functions[there], stiff[there], weighted[there]
     if share < 1:  # the lumped mass of the matrices has areas that thin triangles round further off
         areas = _areas(vertices, faces)[there]
@@ -170,13 +229,26 @@ def _ritz(
         rough[1] *= share + 4 * (1 - share)  # on a triangle, M is at most 4 times B
     for part in pieces(len(kept)):
         heavy += kept[part].T @ weighted[part]
-    values, turn = (_graded if graded else linalg.eigh)(gram, heavy)
-    squares = _squares(matrices, stiff, weighted, values, turn, heavy)
-    # Of a sum of functions the root is at most the sum of roots (Minkowski)
-    energy, mass = (np.square(np.abs(turn).T @ np.sqrt(part)) for part in rough)
-    scale = values if graded else values[-1]  # to which the solver's own rounding is relative
-    rounding = OPERATIONS * UNIT * (energy + values * mass + scale)
-    return _Block(values, functions @ turn if with_vectors else None, squares, rounding)
+    return _Energies(functions, stiff, weighted, gram, heavy, rough)
+
+
+def _of_entries(rows: Floats, discrete: Discrete, numbers: Int32s) -> _Energies:
+    """Return energies of functions, rows of unknowns that are free, by the matrices."""
+    matrices = discrete.matrices
+    kept = rows - _means(rows, matrices, numbers).T
+    stiff = multiply(matrices, matrices.stiffness, kept)
+    weighted = multiply(matrices, matrices.mass, kept)
+    gram, heavy = kept @ stiff.T, kept @ weighted.T
+    squares, times = np.square(kept), ENTRIES / OPERATIONS
+    energy = np.maximum(np.diag(gram), 0.0)
+    rough = times * np.stack(
+        [
+            discrete.condition * energy + squares @ discrete.entries,
+            discrete.condition * (squares @ matrices.lumped),
+        ]
+    )
+    symmetric = ((gram + gram.T) / 2, (heavy + heavy.T) / 2)
+    return _Energies(kept.T, stiff.T, weighted.T, *symmetric, rough)
 
 
 def _graded(gram: Floats, heavy: Floats) -> tuple[Floats, Floats]:

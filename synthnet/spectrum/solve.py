@@ -9,7 +9,7 @@ from scipy import linalg
 
 from synthnet.errors import SpectrumError
 from synthnet.processes import keep_freed_memory
-from synthnet.spectrum import components
+from synthnet.spectrum import components, rounding
 from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.certificate import (
     Candidate,
@@ -29,7 +29,6 @@ from synthnet.spectrum.operators import (
     discretise,
 )
 from synthnet.spectrum.ordering import Ordering, find_ordering
-from synthnet.spectrum.rounding import sharpened
 from synthnet.spectrum.search import Setting, search, shift_amid
 from synthnet.spectrum.slices import LONG, search_in_slices
 from synthnet.types import Certificate, Mesh, Spectrum
@@ -118,7 +117,7 @@ def compute(
         entry of largest size is positive, the first such entry if there are several. Within a
         cluster of eigenvalues that agree to rounding, any orthonormal basis is one of eigenvectors:
         which one comes out depends on the order of vertices and on the processor. Of quadratic
-        elements they are the values at the vertices; the bound of errors is for linear ones only.
+        elements they are the values at the vertices.
 
     Raises
     ------
@@ -168,7 +167,7 @@ def compute(
         spectrum = replace(spectrum, mesh=mended.mesh, repairs=mended.repairs)
     else:
         spectrum = unwarned(mesh, k, operator, sharp=sharp)
-    _warn_of_rounding(spectrum, REMESH if sharp else SHARP)
+    _warn_of_rounding(spectrum, SHARP if operator.elements == "linear" and not sharp else REMESH)
     return spectrum
 
 
@@ -178,11 +177,13 @@ def unwarned(mesh: Mesh, k: int, operator: Operator, *, sharp: bool) -> Spectrum
     discrete = discretise(mesh, operator)
     unknowns = "unknowns" if operator.on_edges else "vertices"
     candidate, certificate, numbers = _solved(discrete.matrices, k, unknowns)
-    if operator.elements != "linear":
-        return _spectrum(discrete, k, candidate, certificate, numbers)
-    values, bounds, vectors = sharpened(
-        mesh, discrete, candidate, numbers, operator.share, with_vectors=sharp
-    )
+    vectors = None
+    if operator.elements == "linear":
+        values, bounds, vectors = rounding.sharpened(
+            mesh, discrete, candidate, numbers, operator.share, with_vectors=sharp
+        )
+    else:
+        values, bounds = rounding.of_matrices(discrete, candidate, numbers)
     if not sharp:
         bounds = np.abs(values - candidate.values[: len(values)]) + bounds
     certificate = replace(certificate, error_bound=bounds[:k])

@@ -24,7 +24,7 @@ from synthnet.spectrum.components import Component, components, count_below, spl
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.inputs import as_array, as_mesh, repaired
 from synthnet.spectrum.operators import PLAIN, Discrete, Operator, check_operator, discretise
-from synthnet.spectrum.solve import of_matrices, unwarned
+from synthnet.spectrum.solve import unwarned
 from synthnet.types import Mesh
 
 ZERO = 1e-6  # of Weyl's first eigenvalue: below it an answer is one of the zeros
@@ -197,7 +197,7 @@ def certify(
         known = below == len(values) and counter.learn(values, bounds)
     if not known and below <= WORTH * len(values):
         count = max(below, len(values))
-        while found := _found(mesh, discrete, operator, count):
+        while found := _found(mesh, operator, count):
             last = float(found[0][-1]) * (1 + CLUSTER)
             there = count if below == count else counter.all_below(last)
             if there <= count:
@@ -207,22 +207,16 @@ def certify(
     return replace(_counted(counter, values, tolerance), repairs=repairs)
 
 
-def _found(
-    mesh: Mesh, discrete: Discrete, operator: Operator, count: int
-) -> tuple[Floats, Floats | None] | None:
+def _found(mesh: Mesh, operator: Operator, count: int) -> tuple[Floats, Floats | None] | None:
     """Return the first eigenvalues after the zeros and bounds of their errors, if they are found.
 
     The bounds are those of a certificate: they hold what rounding does, too.
     """
     try:
-        if operator.elements == "linear":
-            spectrum = unwarned(mesh, count, operator, sharp=True)
-            return spectrum.eigenvalues, spectrum.certificate.error_bound
-        spectrum = of_matrices(discrete.matrices, count)
+        spectrum = unwarned(mesh, count, operator, sharp=operator.elements == "linear")
     except SpectrumError:
         return None
-    rows = np.ascontiguousarray(spectrum.eigenvectors.T)
-    return spectrum.eigenvalues, _error_bounds(discrete.matrices, spectrum.eigenvalues, rows)
+    return spectrum.eigenvalues, spectrum.certificate.error_bound
 
 
 class _Counter:

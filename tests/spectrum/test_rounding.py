@@ -1,6 +1,7 @@
 """The error bound of a spectrum, against exact arithmetic."""
 
 import dataclasses
+import math
 
 import mpmath
 import numpy as np
@@ -11,7 +12,7 @@ from evidence.operators import square
 from evidence.thin_meshes import BITS, LOOSE, ROUNDING, K, exact_matrices, thin, within
 from synthnet import spectrum
 from synthnet.errors import CertificateError
-from synthnet.spectrum import rounding
+from synthnet.spectrum import delaunay, rounding
 from synthnet.types import Mesh
 from tests.spectrum.meshes import side_by_side, sphere
 
@@ -82,6 +83,79 @@ def test_the_residual_alone_does_not_see_the_rounding_of_a_thin_strip():
     result = spectrum.compute(mesh, K)
     bound = result.certificate.error_bound
     assert (bound / result.eigenvalues).max() > 20 * result.certificate.residual
+
+
+PAIRS = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)]  # corners, then sides
+
+
+def exact_quadratic(mesh):
+    """Matrices of λᵢ² and 2 λᵢ λⱼ on flat triangles, in numbers of mpmath's precision."""
+    points = np.array([[mpmath.mpf(float(x)) for x in row] for row in mesh.vertices])
+    unknowns = {}
+    rows = []
+    for face in mesh.faces.tolist():
+        names = [tuple(sorted((face[a], face[b]))) for a, b in PAIRS]
+        rows.append([unknowns.setdefault(name, len(unknowns)) for name in names])
+    slopes = np.zeros((6, 3, 3), dtype=int)  # of each function by each λ: factors of the three λ
+    for number, (a, b) in enumerate(PAIRS):
+        slopes[number, a, b] += 2
+        if a != b:
+            slopes[number, b, a] += 2
+    fourth = np.zeros((6, 6), dtype=int)  # 720 / 2 times the integrals of products over |T|
+    for i, j in np.ndindex(6, 6):
+        powers = np.bincount([*PAIRS[i], *PAIRS[j]], minlength=3)
+        fourth[i, j] = math.prod(map(math.factorial, powers)) * (1 + (i > 2)) * (1 + (j > 2))
+    n = len(unknowns)
+    stiffness, mass = (np.array([[mpmath.mpf(0)] * n for _ in range(n)]) for _ in range(2))
+    for face, row in zip(mesh.faces.tolist(), rows, strict=True):
+        edges = np.roll(points[face], 1, axis=0) - np.roll(points[face], -1, axis=0)
+        dots = edges @ edges.T
+        area = mpmath.sqrt(dots[0, 0] * dots[1, 1] - dots[0, 1] ** 2) / 2
+        second = np.ones((3, 3), dtype=int) + np.eye(3, dtype=int)
+        energies = np.einsum("ika,ab,jlb->ijkl", slopes, second, slopes).reshape(6, 6, 9)
+        stiffness[np.ix_(row, row)] += energies.astype(object) @ dots.ravel() / (48 * area)
+        mass[np.ix_(row, row)] += fourth.astype(object) * area / 360
+    return stiffness, mass
+
+
+@pytest.mark.parametrize("kind", ["needles", "caps", "row"])
+@pytest.mark.parametrize(
+    "aspect", [0.3, 1e-4, *(pytest.param(10.0**-e, marks=pytest.mark.slow) for e in (2, 5, 6, 8))]
+)
+@pytest.mark.parametrize("elements", ["quadratic", "delaunay"])
+def test_bounds_of_other_elements_hold(aspect, kind, elements):
+    """Intrinsic triangles of a strip in a plane are triangles of its points."""
+    mesh = thin(aspect, kind, seed=round(-100 * np.log10(aspect)))
+    operator = spectrum.Operator(elements=elements)
+    if (kind, aspect) == ("row", 1e-8):
+        with pytest.raises(CertificateError, match="rounding moves the shift"):
+            spectrum.compute(mesh, K, operator=operator)
+        return
+    result = spectrum.compute(mesh, K, operator=operator)
+    bound = result.certificate.error_bound
+    with mpmath.workprec(BITS):
+        if elements == "quadratic":
+            matrices = exact_quadratic(mesh)
+        else:
+            matrices = exact_matrices(Mesh(mesh.vertices, delaunay.triangulate(mesh)[0]))
+        for i, (value, off) in enumerate(zip(result.eigenvalues, bound, strict=True), start=1):
+            assert within(matrices, i, value, off)
+    assert aspect < 1e-5 or (bound < 0.02 * result.eigenvalues).all()
+
+
+@pytest.mark.parametrize("elements", ["quadratic", "curved", "delaunay"])
+def test_what_rounding_has_spoilt_is_said_of_other_elements_too(elements):
+    mesh = thin(1e-8, "needles", seed=1)
+    with pytest.warns(RuntimeWarning, match=r"may have moved λ1 = .*: remesh, some triangles"):
+        spectrum.compute(mesh, K, operator=spectrum.Operator(elements=elements))
+
+
+@pytest.mark.parametrize("elements", ["quadratic", "curved", "delaunay", "tufted"])
+@pytest.mark.parametrize("boundary", ["neumann", "dirichlet"])
+def test_on_an_ordinary_mesh_the_bounds_of_other_elements_are_rounding(elements, boundary):
+    operator = spectrum.Operator(boundary=boundary, elements=elements)
+    result = spectrum.compute(square(16), operator=operator)
+    assert (result.certificate.error_bound / result.eigenvalues).max() < 1e-9
 
 
 def test_on_an_ordinary_mesh_the_bound_is_rounding():
