@@ -5,6 +5,7 @@ import os
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -16,7 +17,7 @@ from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
 from eigbench.results import predictions
 from eigbench.running import record
-from eigbench.running.evaluate import Options, alone, predict_meshes
+from eigbench.running.evaluate import Evaluation, Options, alone, predict_meshes
 from eigbench.running.predictor import check_file
 from eigbench.scoring import physics, targets, truth
 from eigbench.scoring.scores import is_sealed
@@ -96,6 +97,18 @@ def run_evaluate(options: argparse.Namespace) -> int:
             directory, "evaluate", result["model"]["name"], result["predictions"]["sha256"]
         )
         results.write(out, result)
+    _report(options, kept, labels, evaluation, result)
+    return score.exit_code(predictions.unphysical(labels, evaluation.predictions))
+
+
+def _report(
+    options: argparse.Namespace,
+    kept: Path,
+    labels: truth.Truth,
+    evaluation: Evaluation,
+    result: dict[str, Any],
+) -> None:
+    """Print scores, cost and physics, and warn of what speaks against the row."""
     if options.json:
         print_json(result)
     else:
@@ -103,14 +116,13 @@ def run_evaluate(options: argparse.Namespace) -> int:
         score.print_scores(result["scores"])
         print(f"{tables.cost(result)}\n")
         print(tables.physics(result["physics"]))
-        print(f"\nresult {out}, predictions {kept}; {score.EXPLAINED}")
+        print(f"\nresult {options.out}, predictions {kept}; {score.EXPLAINED}")
     for finding in record.findings(result["cost"], evaluation.status.refused):
         print(f"warning: {finding}", file=sys.stderr)
     if not is_sealed(labels.version):
         for finding in record.two_faced(targets.every(labels), evaluation):
             print(f"warning: {finding}; verify-row refuses such a row", file=sys.stderr)
     score.warn_of_copies(result["model"]["kind"], labels, evaluation.predictions)
-    return score.exit_code(predictions.unphysical(labels, evaluation.predictions))
 
 
 def _check_out(out: Path, predictor: Path, partial: bool, labels: truth.Truth) -> None:
