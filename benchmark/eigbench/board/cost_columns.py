@@ -31,14 +31,13 @@ def table(rows: Sequence[Ranked]) -> Group[Ranked]:
     by = "What counted processor time and memory: a control group, or samples of the process tree."
     loaded = "Seconds until the predictor was loaded, once, before the clock of its answers."
     trained = f"What the training took. {DECLARED}"
-    ms, ratio = speed()
+    ms, *ratios = speed(rows)
     columns = [
         ms,
         _fact("quartiles", "quartiles", "Quartiles of ms per mesh over the batches.", quartiles),
         _fact("ms-mean", "mean", mean, _number("ms_per_mesh_mean")),
         _fact("lapy-ms", "LaPy's ms", "LaPy's ms per mesh in the same run.", lapys_own),
-        ratio,
-        *peers(rows),
+        *ratios,
         _fact("batch", "batch", "Number of meshes in a call.", _number("batch_size", 0)),
         _fact("loading", "loading s", loaded, _number("loading_seconds")),
         _fact("cores", "cores used", "CPU time divided by wall time.", _number("cores_used")),
@@ -51,29 +50,31 @@ def table(rows: Sequence[Ranked]) -> Group[Ranked]:
     return Group("cost", "Cost", columns, note)
 
 
-def speed(protocol: str | None = None) -> list[Column[Ranked]]:
-    """Return the columns of time; rows of a version's own protocol show those of ``grouped``."""
+def speed(rows: Sequence[Ranked], protocol: str | None = None) -> list[Column[Ranked]]:
+    """Return the columns of time and of :func:`ratios`.
 
-    def ratio(facts: dict[str, Any]) -> Cell:
-        return _speed(facts.get("reference"))
-
-    elsewhere = "" if protocol is None else " Timed under the protocol grouped."
+    Rows of a version's own protocol show the times of ``grouped``.
+    """
+    elsewhere = _elsewhere(protocol)
     ms_note = (
         "Milliseconds per mesh from raw vertices and faces to eigenvalues, median over batches. "
         f"Compare them within one hardware, device and number of threads only.{elsewhere}"
     )
-    ratio_note = (
+    ms = _fact("ms", "ms per mesh", ms_note, _number("ms_per_mesh"))
+    return [ms, *ratios(rows, protocol)]
+
+
+def ratios(rows: Sequence[Ranked], protocol: str | None = None) -> list[Column[Ranked]]:
+    """Return a column of speed against LaPy, and one for each other peer of the rows' times."""
+
+    def ratio(facts: dict[str, Any]) -> Cell:
+        return _speed(facts.get("reference"))
+
+    elsewhere = _elsewhere(protocol)
+    note = (
         "How many times as fast as LaPy on one thread, timed in the same run on some of the same "
         f"batches. It may be compared between machines for equal device and threads.{elsewhere}"
     )
-    return [
-        _fact("ms", "ms per mesh", ms_note, _number("ms_per_mesh")),
-        _fact("lapy", SPEED, ratio_note, ratio, higher=True),
-    ]
-
-
-def peers(rows: Sequence[Ranked]) -> list[Column[Ranked]]:
-    """Return a column for each other peer that the rows were timed against."""
     names = dict.fromkeys(
         name for row in rows for name in row.submission.result["cost"].get("peers", {})
     )
@@ -82,10 +83,14 @@ def peers(rows: Sequence[Ranked]) -> list[Column[Ranked]]:
         def ratio(facts: dict[str, Any]) -> Cell:
             return _speed(facts.get("peers", {}).get(name))
 
-        note = f"How many times as fast as {name}, on one thread, in the same run."
+        note = f"How many times as fast as {name}, on one thread, in the same run.{elsewhere}"
         return _fact(f"against-{name}", f"against {name}", note, ratio, higher=True)
 
-    return [column(name) for name in names]
+    return [_fact("lapy", SPEED, note, ratio, higher=True), *map(column, names)]
+
+
+def _elsewhere(protocol: str | None) -> str:
+    return "" if protocol is None else " Timed under the protocol grouped."
 
 
 def _fact(

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -56,6 +57,7 @@ def _row(row: Ranked) -> dict[str, object]:
         "scores": row.scores,
         "cost": cost and {key: cost[key] for key in COSTS if key in cost},
         "speed_against_lapy": cost and (cost.get("reference") or {}).get("ratio"),
+        "speed_against": cost and _speeds(cost),
         "parameters": model["parameters"],
         "training_data": model.get("training_data"),
         "seeds": len(submission.predictions),
@@ -64,6 +66,16 @@ def _row(row: Ranked) -> dict[str, object]:
             "result": sha256(submission.result_path),
             "predictions": sha256(submission.predictions_path),
         },
+    }
+
+
+def _speeds(cost: Mapping[str, Any]) -> dict[str, dict[str, float | None]]:
+    """Return how many times as fast as each peer a run was, with 95 % intervals where known."""
+    beside = {**cost.get("peers", {}), "LaPy": cost.get("reference")}
+    return {
+        name: {key: six_digits(ratio[key]) for key in ("ratio", "low", "high") if key in ratio}
+        for name, ratio in beside.items()
+        if ratio is not None
     }
 
 

@@ -69,30 +69,28 @@ RANK: Column[Ranked] = Column(
 MODEL, KIND, HARDWARE, TRAINING = of_run(_result)
 
 
-def main() -> Group[Ranked]:
+def main(rows: Sequence[Ranked]) -> Group[Ranked]:
     """Return all metrics, for a board's own page."""
-    cost = [cost_columns.parameters(), *cost_columns.speed()]
+    cost = [cost_columns.parameters(), *cost_columns.speed(rows)]
     return Group("main", "Scores", [*map(_mean, MAIN), *cost, HARDWARE, TRAINING, _seeds()])
 
 
-def short() -> Group[Ranked]:
+def short(rows: Sequence[Ranked]) -> Group[Ranked]:
     """Return the table of LEADERBOARD.md: what decides, on one screen."""
-    ratio = cost_columns.speed()[1]
-    columns = [_mean(RANKED_BY), _by_family(), _mean("psnr20"), ratio, TRAINING, _seeds()]
-    return Group("short", "Board", columns)
+    scored = [_mean(RANKED_BY), _by_family(), _mean("psnr20")]
+    return Group("short", "Board", [*scored, *cost_columns.ratios(rows), TRAINING, _seeds()])
 
 
-def top() -> Group[Ranked]:
-    """Return the table of the README: means without their uncertainty."""
-    ratio = cost_columns.speed()[1]
-    return Group("top", "Top", [_plain(RANKED_BY), _plain("psnr20"), ratio])
+def top(rows: Sequence[Ranked]) -> Group[Ranked]:
+    """Return the table of the README."""
+    return Group("top", "Top", [_mean(RANKED_BY), _mean("psnr20"), *cost_columns.ratios(rows)])
 
 
-def overview(board: Board | None, protocol: str | None) -> Group[Ranked]:
+def overview(rows: Sequence[Ranked], board: Board | None, protocol: str | None) -> Group[Ranked]:
     """Return what the page shows first: fewer columns, and the drop where something is held out."""
     drops = [] if board is None or protocol is None else generalisation.drops(board, protocol)
     metrics = [_mean(RANKED_BY), _by_family(), *drops, _mean("invlap"), _mean("psnr20")]
-    cost = [*cost_columns.speed(protocol), cost_columns.parameters()]
+    cost = [*cost_columns.speed(rows, protocol), cost_columns.parameters()]
     return Group("overview", "Overview", [*metrics, *cost, TRAINING, _seeds()])
 
 
@@ -157,10 +155,6 @@ def _by_family() -> Column[Ranked]:
     note = f"{METRIC_NOTES[RANKED_BY]} Mean over families of their means: all weigh the same."
     column = _number(RANKED_BY, "by_family", "-by-family", note)
     return replace(column, title=f"{column.title}, macro average")
-
-
-def _plain(key: str) -> Column[Ranked]:
-    return _number(key, "mean", "-mean", f"{METRIC_NOTES[key]} Mean over instances.")
 
 
 def _median(key: str) -> Column[Ranked]:

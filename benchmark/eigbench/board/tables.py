@@ -200,6 +200,7 @@ def cost(result: dict[str, Any]) -> Table:
         ["ms per mesh, median of batches (quartiles)", median],
         ["ms per mesh, mean", f"{facts['ms_per_mesh_mean']:.2f}"],
         [f"{SPEED}, same meshes", beside_lapy(facts)],
+        *([f"against {name}", times_faster(peer)] for name, peer in facts.get("peers", {}).items()),
         ["batch size, threads, device", setting],
         ["cores used", f"{facts['cores_used']:.2f}{_counted(facts, 'processor_time')}"],
         ["peak memory", f"{facts['peak_memory_mb']:.0f} MB{_counted(facts, 'memory')}"],

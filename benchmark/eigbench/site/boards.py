@@ -144,9 +144,9 @@ def _drops(board: Shown) -> dict[str, list[dict[str, Any]]]:
 
 def _groups(board: Shown) -> list[Group[Ranked]]:
     """Return the views of the page's table."""
-    whole = ranked_columns.main()
+    whole = ranked_columns.main(board.rows)
     metrics = Group("metrics", "All metrics", [c for c in whole.columns if c.key in MAIN])
-    overview = ranked_columns.overview(board.protocols, board.own)
+    overview = ranked_columns.overview(board.rows, board.protocols, board.own)
     declared = Group("run", "Speed and hardware", [c for c in whole.columns if c.key not in MAIN])
     groups = [overview, metrics, declared, *ranked_columns.groups(board.rows, board.own)]
     if board.protocols is None or board.own is not None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from eigbench.board import page
 from eigbench.board.columns import Cell, of_score, six_digits
-from eigbench.board.cost_columns import speed
+from eigbench.board.cost_columns import ratios
 from eigbench.board.ranked_columns import KIND
 from eigbench.board.ranking import RANKED_BY, Apart, Ranked, count_ranked
 from eigbench.board.tables import deviation, family_title, in_order, with_uncertainty
@@ -73,7 +73,7 @@ def _only_scaled(row: Scaled) -> dict[str, Any]:
 def _standing(board: Shown, row: Ranked) -> dict[str, Any]:
     """Return a line of the card: a board, and the model's numbers there."""
     overall = row.scores["overall"]
-    _, ratio = speed(board.own)
+    ratio, *_ = ratios([row])
     shown = [with_uncertainty(overall[key], key) for key in (RANKED_BY, "psnr20")]
     return {
         "board": board.key,

@@ -643,6 +643,34 @@ def test_ratio_to_lapy_is_on_the_page(read):
     assert "| 70.00 | 12 × |" in details
 
 
+def test_ratios_to_all_peers_are_in_every_table_with_a_ratio_and_in_the_json(read):
+    lapy = {"ratio": 12.34, "low": 11.6, "high": 13.1, "ms_per_mesh": 70.0, "meshes": 1}
+    cholmod = {"ratio": 6.78, "low": 5.6, "high": 7.7}
+    timed = {"reference": {**lapy, "solver": "LaPy"}, "peers": {"LaPy with CHOLMOD": cholmod}}
+    rows = [changed(read["far"], "cost", **timed), changed(read["one"], "cost", reference=None)]
+    marks = "<!-- begin leaderboard --><!-- end leaderboard -->"
+    pages = leaderboard.generate(rows, [], (), marks)
+    for path in (leaderboard.PAGE, leaderboard.README, leaderboard.BOARDS / f"{BOARD}-mesh.md"):
+        text = pages[Path(path)]
+        assert "| speed against LaPy | against LaPy with CHOLMOD |" in text, path
+        assert re.search(r"^\| 2 \| Far .*\| 12 × \(12–13\) \| 6\.8 × \(5\.6–7\.7\) \|", text, re.M)
+        assert re.search(r"^\| 1 \| One percent .*\| not timed \| not timed \|", text, re.M)
+    one, far = json.loads(pages[leaderboard.BOARDS / f"{BOARD}-mesh.json"])["rows"]
+    lapys_own = {key: lapy[key] for key in ("ratio", "low", "high")}
+    assert far["speed_against"] == {"LaPy with CHOLMOD": cholmod, "LaPy": lapys_own}
+    assert one["speed_against"] == {}
+
+
+def test_where_all_succeed_the_readme_has_the_bound_of_the_board(make_row, mini_truth):
+    marks = "<!-- begin leaderboard --><!-- end leaderboard -->"
+    near = make_row("Near", targets.at(mini_truth, "surface").eigenvalues * 1.001)
+    pages = leaderboard.generate([near], [], (), marks)
+    bound = 1 - 3 / len(set(mini_truth.groups))
+    for path in (leaderboard.README, leaderboard.PAGE):
+        row, *_ = re.findall(r"^\| 1 \| Near .*", pages[Path(path)], re.M)  # against the surface
+        assert f"| 100 % (≥ {100 * bound:.2f} %) |" in row
+
+
 @pytest.mark.parametrize("value", [np.nan, -1.0, 0.0])
 def test_submit_refuses_predictions_that_no_spectrum_has(
     refused, make_submission, mini_truth, tmp_path, value
