@@ -148,3 +148,18 @@ def test_every_row_is_a_file_and_every_board_has_its_rows():
     not_run = {(name, board) for board, names in rows.NOT_RUN.items() for name in names}
     assert there <= usual
     assert usual - there == not_run  # what has been run leaves the list
+
+
+def test_what_was_not_run_has_a_reason_on_the_board():
+    reasons = json.loads((ROOT / "benchmark" / "not-run.json").read_text())["reasons"]
+    known = {
+        (name, f"{entry['version']}/{protocol}")
+        for entry in reasons
+        for name in entry["models"]
+        for protocol in entry["protocols"]
+    }
+    result_of = {(row.name, row.board): row.result for row in rows.rows(rows.BOARDS)}
+    for board, names in rows.NOT_RUN.items():
+        for name in names if board != rows.SCALING else ():
+            grouped = result_of[name, f"{board.partition('/')[0]}/grouped"]
+            assert (grouped["model"]["name"], board) in known

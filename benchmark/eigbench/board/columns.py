@@ -16,6 +16,7 @@ from eigbench.board.tables import score
 Row = TypeVar("Row")  # what a table is of: a ranked submission, or a result of the scaling track
 Cell = tuple[str, float | str | None]
 
+NAME = "name"  # the key of the column of models' names
 DECLARED = "The run declared it: it does not follow from the predictions."
 
 
@@ -50,7 +51,8 @@ def as_markdown(
     columns = [*first, *group.columns]
     lines = [[column.cell(row)[0] for column in columns] for row in rows]
     if group.lead and lead:
-        lines.insert(0, [group.lead, *(column.lead for column in columns[1:])])
+        named = [group.lead if column.key == NAME else "" for column in first]
+        lines.insert(0, [*named, *(column.lead for column in group.columns)])
     titles = [column.title for column in columns]
     return table(titles, lines, [column.numeric for column in columns])
 
@@ -71,7 +73,7 @@ def of_run(result: Callable[[Row], dict[str, Any]]) -> tuple[Column[Row], ...]:
         return results.declared(result(row), "training_data")
 
     return (
-        column("name", "model", "Name of the model.", lambda row: result(row)["model"]["name"]),
+        column(NAME, "model", "Name of the model.", lambda row: result(row)["model"]["name"]),
         column("kind", "kind", DECLARED, lambda row: result(row)["model"]["kind"]),
         column("hardware", "hardware", f"Where it was timed. {DECLARED}", setting),
         column("training", "training set", f"What it was fitted to. {DECLARED}", training),

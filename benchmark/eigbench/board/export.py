@@ -80,7 +80,10 @@ def _speeds(cost: Mapping[str, Any]) -> dict[str, dict[str, float | None]]:
 
 
 def generalised_as_json(board: generalisation.Board) -> str:
-    """Return the scores of a version's models under each of its protocols, with their drops."""
+    """Return the scores of a version's models under each of its protocols, with their drops.
+
+    The rows are in the order of their ranks under the first protocol.
+    """
     protocols = {
         protocol: {
             "meshes": board.count(protocol),
@@ -96,22 +99,37 @@ def generalised_as_json(board: generalisation.Board) -> str:
             "slug": row.submission.slug,
             "name": row.submission.name,
             "protocols": {
-                protocol: {
-                    key: _in_digits(board.scored(row.submission, protocol, key))
-                    for key in generalisation.SHOWN
-                }
-                for protocol in board.protocols
+                protocol: _held_out(board, row.submission, protocol) for protocol in board.protocols
             },
         }
-        for row in board.rows
+        for row in board.models
     ]
     named = {"version": board.version, "target": board.target}
     content = {**named, "protocols": protocols, "rows": rows}
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
+def _held_out(board: generalisation.Board, model: Submission, protocol: str) -> dict[str, object]:
+    """Return a model's rank, seeds and scores under a protocol; null where it was not run."""
+    row = board.under.get(protocol, {}).get(model.slug)
+    reason = board.why_not(model, protocol)
+    return {
+        **({} if reason is None else {"not_run": reason.reason}),
+        "rank": row and row.ranks,
+        "exact": row and row.exact,
+        "verified": row and is_verified(row.submission.result),
+        "seeds": row and len(row.submission.predictions),
+        **{key: _in_digits(board.scored(model, protocol, key)) for key in generalisation.SHOWN},
+    }
+
+
 def _in_digits(held_out: generalisation.HeldOut) -> dict[str, float | None]:
-    return {"score": six_digits(held_out.score), "drop": six_digits(held_out.drop)}
+    numbers = held_out.numbers or {}
+    return {
+        "score": six_digits(held_out.score),
+        **{key: six_digits(numbers.get(key)) for key in ("low", "high", "seed_std")},
+        "drop": six_digits(held_out.drop),
+    }
 
 
 def tidy(submission: Submission) -> pa.Table:

@@ -6,17 +6,20 @@ everything. The difference is the drop. A model without training has none, and i
 under the protocol ``grouped`` are its predictions under every other.
 """
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench.board.columns import Cell, Column, Group, of_score, six_digits
+from eigbench import results
+from eigbench.board import ranking
+from eigbench.board.columns import Cell, Column, Group, of_score, six_digits, words
 from eigbench.board.markdown import cell as escaped
 from eigbench.board.ranking import RANKED_BY, Ranked
-from eigbench.board.tables import score
+from eigbench.board.tables import score, with_uncertainty
 from eigbench.errors import EigbenchError
 from eigbench.results.submission import Submission
 from eigbench.scoring import neighbours as near
@@ -41,13 +44,15 @@ TITLES = {
 NO_DROP = "None where nothing is trained, or the model is trained on another version."
 
 EXPLAINED = (
-    "Each column after the first holds one kind of shape out of training, and tests on it. In "
-    "brackets is the drop: the score minus that of the same model, by the same code and with the "
-    "same seeds, trained on everything, on the same test shapes. If one of the two has more seeds, "
-    "the drop is of those that both have. Models without training and models trained on another "
-    "version have no drop, and neither has any model on imported meshes, which are in no training "
-    "set. A family is held out together with all families that share its surfaces. *Not run*: "
-    "nobody has evaluated the model there, or it has weights for one training set only."
+    "Each column after *familiar shapes* holds one kind of shape out of training, and tests on it. "
+    "Scores are means ± half the width of their 95 % interval over shapes and seeds. In brackets "
+    "with a sign is the drop: the score minus that of the same model, by the same code and with "
+    "the same seeds, trained on everything, on the same test shapes. If one of the two has more "
+    "seeds, the drop is of those that both have. Models without training and models trained on "
+    "another version have no drop, and neither has any model on imported meshes, which are in no "
+    "training set. A family is held out together with all families that share its surfaces. *Not "
+    "run*: nobody has evaluated the model there; a note below the table says why, where one is "
+    "marked."
 )
 NEAR = (
     "For each tested shape, the nearest shape that a model may be trained on: by the largest "
@@ -69,15 +74,28 @@ class HeldOut:
     #: The mean minus that, on the same shapes, of the same model trained on everything.
     drop: float | None = None
     before: float | None = None  #: that mean
+    #: The mean again, with its interval and its deviation over seeds, as in the scores of a row.
+    numbers: Mapping[str, float | None] | None = None
 
 
 @dataclass(frozen=True, slots=True)
+class NotRun:
+    """Why models have no row under some protocols of a version."""
+
+    version: str
+    protocols: Sequence[str]
+    models: Sequence[str]  #: their names
+    reason: str
+
+
+@dataclass(frozen=True)  # a class with slots has no cached properties
 class Board:
     """All that a version's protocols know of its models."""
 
     rows: Sequence[Ranked]  #: of the protocol ``grouped``, best first
     #: Of each other protocol that tests generalisation, at the same target.
     held_out: Mapping[str, Sequence[Submission]]
+    not_run: Sequence[NotRun] = ()  #: of the version
 
     @property
     def version(self) -> str:
@@ -96,15 +114,57 @@ class Board:
         imports = sorted(name for name in self.held_out if on_imports(name))
         return [*named, *imports]
 
+    @cached_property
+    def under(self) -> dict[str, dict[str, Ranked]]:
+        """By protocol and name the rows that have a score there, with their ranks, best first.
+
+        Models without training are among them: their predictions of the whole split hold for a
+        part of it. All have the times of the protocol ``grouped``.
+        """
+        every = {protocol: list(self._submissions(protocol)) for protocol in self.protocols}
+        return {
+            protocol: {row.submission.slug: row for row in ranking.ranked(mine)}
+            for protocol, mine in every.items()
+            if mine
+        }
+
+    def _submissions(self, protocol: str) -> Iterator[Submission]:
+        for model in (row.submission for row in self.rows):
+            if own := self.submitted(model, protocol):
+                yield replace(own, result={**own.result, "cost": model.result["cost"]})
+            elif untrained(model.result["model"]) and not on_imports(protocol):
+                yield rescored(model, tested(self.version, protocol, self.target))
+
+    @property
+    def models(self) -> list[Ranked]:
+        """Its rows, by their ranks under the first protocol; those without a score there last."""
+        first = list(self.under.get(self.protocols[0], ()))
+
+        def order(row: Ranked) -> int:
+            slug = row.submission.slug
+            return first.index(slug) if slug in first else len(first)
+
+        return sorted(self.rows, key=order)
+
     def model(self, slug: str) -> Submission:
         """Return the submission of that name under ``grouped``."""
         (model,) = (row.submission for row in self.rows if row.submission.slug == slug)
         return model
 
+    def is_trained(self, model: Submission) -> bool:
+        """Return whether a model is trained on the version, and so anew for each protocol."""
+        meta = model.result["model"]
+        return not untrained(meta) and trained_on(meta, self.version)
+
     def submitted(self, model: Submission, protocol: str) -> Submission | None:
         """Return a model's submission under a protocol, if there is one."""
         ran = {submission.slug: submission for submission in self.held_out.get(protocol, ())}
         return ran.get(model.slug)
+
+    def why_not(self, model: Submission, protocol: str) -> NotRun | None:
+        """Return why a model was not run under a protocol, where that is known."""
+        known = (e for e in self.not_run if protocol in e.protocols and model.name in e.models)
+        return next(known, None)
 
     def count(self, protocol: str) -> int:
         """Return how many meshes a protocol tests."""
@@ -114,19 +174,16 @@ class Board:
 
     def scored(self, model: Submission, protocol: str, key: str) -> HeldOut:
         """Return a model's mean of a metric under a protocol."""
-        own = self.submitted(model, protocol)
-        meta = model.result["model"]
-        if own is not None:
-            mean = _mean(own, own.truth, key)
-            anew = not untrained(meta) and trained_on(meta, self.version)
-            if not anew or on_imports(protocol):
-                return HeldOut(mean)
-            seeds = min(len(own.predictions), len(model.predictions))
-            before = _mean(model, own.truth, key, seeds)
-            return HeldOut(mean, _mean(own, own.truth, key, seeds) - before, before)
-        if untrained(meta) and not on_imports(protocol):
-            return HeldOut(_mean(model, tested(self.version, protocol, self.target), key))
-        return HeldOut(None)
+        row = self.under.get(protocol, {}).get(model.slug)
+        if row is None:
+            return HeldOut(None)
+        own = row.submission
+        mean, numbers = _mean(own, own.truth, key), row.scores["overall"][key]
+        if not self.is_trained(model) or on_imports(protocol):
+            return HeldOut(mean, numbers=numbers)
+        seeds = min(len(own.predictions), len(model.predictions))
+        before = _mean(model, own.truth, key, seeds)
+        return HeldOut(mean, _mean(own, own.truth, key, seeds) - before, before, numbers)
 
 
 @lru_cache(maxsize=16)
@@ -186,21 +243,52 @@ def restricted(model: Submission, labels: Truth) -> Submission:
     return replace(model, truth=labels, predictions=predicted(model, labels))
 
 
+def rescored(model: Submission, labels: Truth) -> Submission:
+    """Return a submission as if it had predicted only some of its instances, with their scores.
+
+    Raises
+    ------
+    EigbenchError
+        If it does not predict one of them.
+    """
+    some = restricted(model, labels)
+    result = {
+        **model.result,
+        "dataset": results.dataset_facts(labels),
+        "scores": {labels.target: scores.score(labels, some.predictions)},
+    }
+    return replace(some, result=result)
+
+
 Marks = dict[tuple[str, str], tuple[str, str]]  # (model, protocol): the mark, the line below
 
 
 def remark_marks(board: Board, rows: Sequence[Ranked]) -> Marks:
-    """Return the mark of each score with a remark, and its line below the table."""
+    """Return the mark of each cell with a remark or a reason, and its line below the table."""
     superscript = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
     marks: Marks = {}
-    for row in rows:
-        for protocol in board.protocols:
-            submission = board.submitted(row.submission, protocol)
-            if submission is not None and submission.remark:
-                mark = str(len(marks) + 1).translate(superscript)
-                line = escaped(f"{mark} {submission.name}, {title(protocol)}: {submission.remark}")
-                marks[submission.slug, protocol] = mark, line
+    numbers: dict[str, str] = {}  # by line: a reason can be that of several cells
+    for row, protocol in itertools.product(rows, board.protocols):
+        if line := _remark(board, row.submission, protocol):
+            mark = numbers.setdefault(line, str(len(numbers) + 1).translate(superscript))
+            marks[row.submission.slug, protocol] = mark, escaped(f"{mark} {line}")
     return marks
+
+
+def _remark(board: Board, model: Submission, protocol: str) -> str:
+    """Return what is said of a model under a protocol, with the names of both; empty if nothing."""
+    own = board.submitted(model, protocol)
+    if own is not None and own.remark:
+        return f"{own.name}, {title(protocol)}: {own.remark}"
+    entry = board.why_not(model, protocol)
+    if entry is None:
+        return ""
+    return f"{' and '.join(entry.models)}, {', '.join(map(title, entry.protocols))}: {entry.reason}"
+
+
+def lines(marks: Marks) -> list[str]:
+    """Return the lines below a table, each once."""
+    return list(dict.fromkeys(line for _, line in marks.values()))
 
 
 def title(protocol: str) -> str:
@@ -215,10 +303,10 @@ def title(protocol: str) -> str:
 
 
 def with_drop(held_out: HeldOut, key: str) -> str:
-    """Return a score as text, and in brackets the drop."""
-    if held_out.score is None:
+    """Return a score ± half its interval as text, and in brackets the drop."""
+    if held_out.numbers is None:
         return NOT_RUN
-    text = score(held_out.score, key)
+    text = with_uncertainty({**held_out.numbers, "seed_std": None}, key)
     if held_out.drop is None:
         return text
     return f"{text} ({signed(held_out.drop, key).removesuffix(' %')})"
@@ -241,7 +329,8 @@ def table(board: Board, key: str, marks: Marks) -> Group[Ranked]:
     metric = METRICS[key]
 
     def iid(row: Ranked) -> Cell:
-        return of_score(row.scores["overall"][key]["mean"], key)
+        numbers = row.scores["overall"][key]
+        return with_uncertainty({**numbers, "seed_std": None}, key), six_digits(numbers["mean"])
 
     def column(protocol: str) -> Column[Ranked]:
         def cell(row: Ranked) -> Cell:
@@ -251,9 +340,9 @@ def table(board: Board, key: str, marks: Marks) -> Group[Ranked]:
 
         count = f"{board.count(protocol):,}"
         note = (
-            f"Mean {metric.title} on the {count} meshes that this protocol tests, by a model whose "
-            "training held them and their like out; in brackets the drop against the same model "
-            "trained on everything."
+            f"Mean {metric.title} on the {count} meshes that this protocol tests ± half its 95 % "
+            "interval, by a model whose training held them and their like out; in brackets with a "
+            "sign the drop against the same model trained on everything."
         )
         key_, lead = f"{key}-{protocol}", f"{count} ({near.share(board.version, protocol)})"
         return Column(key_, title(protocol), note, cell, higher=metric.higher_is_better, lead=lead)
@@ -265,6 +354,30 @@ def table(board: Board, key: str, marks: Marks) -> Group[Ranked]:
     columns = [first, *map(column, board.protocols)]
     heading = f"Generalisation, {metric.heading}"
     return Group(f"protocols-{key}", heading, columns, lead=LEAD)
+
+
+def rank(board: Board) -> Column[Ranked]:
+    """Return the column of ranks under the first protocol."""
+    first = board.protocols[0]
+
+    def cell(row: Ranked) -> Cell:
+        there = board.under.get(first, {}).get(row.submission.slug)
+        return words("" if there is None else there.shown_rank)
+
+    note = f"By mean {METRICS[RANKED_BY].title} under the protocol {first}, as on a board."
+    return Column("rank", f"rank, {title(first)}", note, cell, numeric=False)
+
+
+def seeds(board: Board) -> Column[Ranked]:
+    """Return the column of how many seeds each model has under the protocols."""
+
+    def cell(row: Ranked) -> Cell:
+        there = (rows.get(row.submission.slug) for rows in board.under.values())
+        counts = {len(one.submission.predictions) for one in there if one is not None}
+        return words(" or ".join(map(str, sorted(counts))))
+
+    note = "Runs with other random numbers under these protocols; their mean is shown."
+    return Column("seeds", "seeds", note, cell)
 
 
 def drops(board: Board, protocol: str) -> list[Column[Ranked]]:

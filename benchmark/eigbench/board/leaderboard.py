@@ -12,11 +12,13 @@ A board is all results of one dataset, split and protocol. In a checkout::
     benchmark/timing/VERSION.json               of `eigbench time`: the cost of rows in one run
     benchmark/figures/BOARD-TARGET.svg          generated
     benchmark/reported/*.json                   numbers of papers, as printed
+    benchmark/not-run.json                      why models have no row under a protocol
     benchmark/scaling/MODEL.json                added by `eigbench submit`, see scaling.results
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -33,6 +35,7 @@ from eigbench.board import (
     ranking,
     scaling_page,
 )
+from eigbench.board.generalisation import NotRun
 from eigbench.board.markdown import marked
 from eigbench.board.ranking import Ranked
 from eigbench.errors import ResultError
@@ -54,6 +57,7 @@ FIGURES = Path("benchmark", "figures")
 BOARDS = Path("benchmark", "boards")
 GENERATED = (f"{FIGURES}/*.svg", f"{BOARDS}/*")  # nothing else belongs there
 REPORTED = Path("benchmark", "reported")
+WHY_NOT = Path("benchmark", "not-run.json")
 
 
 def read(root: Path, on_row: Callable[[str], None] = lambda row: None) -> list[Submission]:
@@ -175,6 +179,7 @@ def generate(
     reported: Sequence[dict[str, Any]],
     scaled: Sequence[Scaled] = (),
     readme: str = "",
+    not_run: Sequence[NotRun] = (),
 ) -> dict[Path, str]:
     """Return the text of each generated file, by its path in the checkout.
 
@@ -186,10 +191,11 @@ def generate(
     ValueError
         If the README has the marks more than once, or not both of them.
     """
-    every = list(boards(submissions))
+    every = list(boards(submissions, not_run))
     opening, parts = [], []
     generated: dict[Path, str] = {}
-    held_out, finding = [], ""
+    held_out: dict[str, list[str]] = {}  # by version, for the README
+    finding = ""
     tops: dict[str, str] = {}
     for rows, protocols in every:
         submission = rows[0].submission
@@ -212,7 +218,12 @@ def generate(
                 # The newest version comes first
                 finding = finding or answer_figure.sentences(protocols)
             opening += page.generalised(protocols, *files[:2], drawn)
-            held_out.append(page.generalised_top(protocols, page.TOP))
+            mine = held_out.setdefault(protocols.version, [])
+            mine.append(
+                page.generalised_best(protocols, files[0])
+                if mine
+                else page.generalised_top(protocols, page.TOP)
+            )
         tops.setdefault(submission.board, page.top(rows))  # beside the first of its targets
     if not every:
         parts.append("No result has been submitted yet.\n")
@@ -225,7 +236,7 @@ def generate(
         parts += page.reported_section(papers, BOARDS / "reported.md")
     generated[Path(PAGE)] = "\n".join([page.BANNER, *opening, *parts])
     if MARK in readme:
-        first = [*held_out[:1], *list(tops.values())[:1]]
+        first = [*next(iter(held_out.values()), []), *list(tops.values())[:1]]
         generated[Path(README)] = _filled(readme, first, finding)
     return generated
 
@@ -245,7 +256,7 @@ def _filled(readme: str, tops: Sequence[str], finding: str) -> str:
 
 
 def boards(
-    submissions: Iterable[Submission],
+    submissions: Iterable[Submission], not_run: Sequence[NotRun] = ()
 ) -> Iterator[tuple[list[Ranked], generalisation.Board | None]]:
     """Yield the rows of each board, best first: the newest versions first, the surface first.
 
@@ -266,7 +277,8 @@ def boards(
                 continue
             others = {p: _at(mine, target) for (v, p), mine in by_board.items() if v == version}
             held_out = {p: mine for p, mine in others.items() if mine and p not in PROTOCOLS}
-            yield ordered, generalisation.Board(ordered, held_out)
+            why = [entry for entry in not_run if entry.version == version]
+            yield ordered, generalisation.Board(ordered, held_out, why)
 
 
 def _newest_first(board: tuple[str, str]) -> tuple[int, str, str]:
@@ -295,6 +307,37 @@ def read_reported(root: Path) -> list[dict[str, Any]]:
         results.check_schema(paper, results.schema("reported"), path)
         papers.append(paper)
     return papers
+
+
+def read_not_run(root: Path, rows: Iterable[Submission]) -> list[NotRun]:
+    """Read why models of a board have no row under a protocol.
+
+    Raises
+    ------
+    ResultError
+        If the file is no list of such reasons, or one of them is of nothing that is missing.
+    """
+    path = root / WHY_NOT
+    if not path.exists():
+        return []
+    content = results.load(path, below=root)
+    results.check_schema(content, results.schema("not-run"), path)
+    entries = [NotRun(**entry) for entry in content["reasons"]]
+    known = {(row.truth.version, row.truth.protocol, row.name) for row in rows}
+    for entry in entries:
+        for protocol, model in itertools.product(entry.protocols, entry.models):
+            if (entry.version, "grouped", model) not in known:
+                raise ResultError(f"{path}: {model} has no row under grouped of {entry.version}")
+            if not (
+                on_imports(protocol) or protocol in (recipe.load(entry.version).protocols or ())
+            ):
+                raise ResultError(f"{path}: {entry.version} has no protocol {protocol}")
+            if (entry.version, protocol, model) in known:
+                raise ResultError(
+                    f"{path}: {model} has a row under {protocol} of {entry.version}, so there is "
+                    "no reason to give: remove it"
+                )
+    return entries
 
 
 def add(row: Submission, root: Path, *, replace: bool = False) -> tuple[Path, Path]:

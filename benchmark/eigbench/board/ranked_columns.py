@@ -94,6 +94,13 @@ def overview(rows: Sequence[Ranked], board: Board | None, protocol: str | None) 
     return Group("overview", "Overview", [*metrics, *cost, TRAINING, _seeds()])
 
 
+def held_out(board: Board, protocol: str) -> Group[Ranked]:
+    """Return the table of a version's own protocol: its scores, and the drop."""
+    drops = generalisation.drops(board, protocol)
+    columns = [_mean(RANKED_BY), *drops, _mean("psnr20"), _seeds()]
+    return Group(f"protocol-{protocol}", generalisation.title(protocol), columns)
+
+
 def groups(rows: Sequence[Ranked], protocol: str | None = None) -> list[Group[Ranked]]:
     """Return the tables below the main one.
 

@@ -87,7 +87,8 @@ def regenerate(options: argparse.Namespace) -> int:
         rows = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
         scaled = scaling_results.read_board(root)
         reported, readme = leaderboard.read_reported(root), _text(root, leaderboard.README)
-        generated = leaderboard.generate(rows, reported, scaled, readme)
+        not_run = leaderboard.read_not_run(root, rows)
+        generated = leaderboard.generate(rows, reported, scaled, readme, not_run)
     stale = [p for p, text in generated.items() if _text(root, p) != text]
     known = {root / path for path in generated}
     there = (path for pattern in leaderboard.GENERATED for path in root.glob(pattern))
@@ -164,6 +165,7 @@ def site(options: argparse.Namespace) -> int:
             rows,
             leaderboard.read_reported(root),
             scaling_results.read_board(root),
+            not_run=leaderboard.read_not_run(root, rows),
             docs=docs,
             code=options.code,
             on_step=stage,

@@ -1,17 +1,15 @@
 """Boards of the page: every dataset under every protocol, ranked, with its columns and cells."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from eigbench import results
-from eigbench.board import generalisation, leaderboard, page, ranked_columns, ranking
+from eigbench.board import generalisation, leaderboard, page, ranked_columns
 from eigbench.board.columns import Group, six_digits
-from eigbench.board.generalisation import Board
+from eigbench.board.generalisation import Board, NotRun
 from eigbench.board.ranked_columns import RANK
-from eigbench.board.ranking import RANKED_BY, Ranked
+from eigbench.board.ranking import Ranked
 from eigbench.results.submission import Submission
-from eigbench.scoring import scores
 from eigbench.scoring.metrics import MAIN
 from eigbench.scoring.truth import Truth
 from eigbench.site import columns
@@ -64,35 +62,14 @@ class Shown:
         return f"{page.NAMES[self.truth.target]}; {protocol}"
 
 
-def shown(submissions: Sequence[Submission]) -> list[Shown]:
-    """Return the boards, in order of version and protocol."""
+def shown(submissions: Sequence[Submission], not_run: Sequence[NotRun] = ()) -> list[Shown]:
+    """Return the boards, in order of version, target and protocol: what is held out comes first."""
     every = []
-    for rows, board in leaderboard.boards(submissions):
-        every.append(Shown(rows, board, None))
+    for rows, board in leaderboard.boards(submissions, not_run):
         if board is not None:
-            under = {protocol: list(_under(board, protocol)) for protocol in board.protocols}
-            every += [Shown(ranking.ranked(mine), board, p) for p, mine in under.items() if mine]
+            every += [Shown(list(mine.values()), board, p) for p, mine in board.under.items()]
+        every.append(Shown(rows, board, None))
     return every
-
-
-def _under(board: Board, protocol: str) -> Iterator[Submission]:
-    """Yield the models scored under a protocol, with the times of the protocol ``grouped``."""
-    for model in (row.submission for row in board.rows):
-        if own := board.submitted(model, protocol):
-            yield replace(own, result={**own.result, "cost": model.result["cost"]})
-        elif board.scored(model, protocol, RANKED_BY).score is not None:  # it is not trained
-            yield restricted(model, generalisation.tested(board.version, protocol, model.target))
-
-
-def restricted(model: Submission, labels: Truth) -> Submission:
-    """Return a submission as if it had predicted only some of its instances, with their scores."""
-    some = generalisation.restricted(model, labels)
-    result = {
-        **model.result,
-        "dataset": results.dataset_facts(labels),
-        "scores": {labels.target: scores.score(labels, some.predictions)},
-    }
-    return replace(some, result=result)
 
 
 def contents(board: Shown) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -164,5 +141,5 @@ def _notes(board: Shown) -> list[str]:
         return [*notes, f"**Generalisation**: {generalisation.EXPLAINED}"]
     if board.protocols is not None:
         marks = generalisation.remark_marks(board.protocols, board.rows)
-        notes += [line for _, line in marks.values()]
+        notes += generalisation.lines(marks)
     return notes

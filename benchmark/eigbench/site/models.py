@@ -43,7 +43,8 @@ def contents(shown: Sequence[Shown], scaled: Sequence[Scaled]) -> dict[str, dict
 
 def _ranked(mine: Sequence[tuple[Shown, Ranked]], names: Mapping[str, str]) -> dict[str, Any]:
     """Return what is known of a model that stands on boards."""
-    first = mine[0][1]
+    # Not under a version's own protocol, which has no physics of its own
+    first = next((row for board, row in mine if board.own is None), mine[0][1])
     return {
         "name": first.submission.name,
         "kind": KIND.cell(first)[0],

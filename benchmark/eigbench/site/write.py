@@ -14,6 +14,7 @@ from urllib.parse import quote
 
 from eigbench.board import page
 from eigbench.board.figures import FASTEST, FLOOR, KINDS
+from eigbench.board.generalisation import NotRun
 from eigbench.board.ranking import RANKED_BY
 from eigbench.errors import EigbenchError
 from eigbench.results import sources
@@ -40,6 +41,7 @@ def files(
     reported: Sequence[Mapping[str, Any]],
     scaled: Sequence[Scaled],
     *,
+    not_run: Sequence[NotRun] = (),
     docs: str = DOCS,
     code: str = CODE,
     on_step: Callable[[str, str], None] = lambda stage, detail: None,
@@ -59,7 +61,7 @@ def files(
     scripts = bundle.read()
     values: dict[str, Any] = {}
     meshes: dict[str, ShapeSpec] = {}
-    shown = boards.shown(submissions)
+    shown = boards.shown(submissions, not_run)
     for board in shown:
         stage = f"board {board.key}, {counted(len(board.rows), 'row')}"
         on_step(stage, "")

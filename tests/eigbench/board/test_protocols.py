@@ -13,7 +13,7 @@ from eigbench.errors import EigbenchError, PredictorError, ResultError
 from eigbench.results import submission
 from eigbench.running.evaluate import Options, alone, evaluate
 from eigbench.running.process import PredictorProcess
-from eigbench.scoring import training, truth
+from eigbench.scoring import scores, training, truth
 
 from tests.eigbench.conftest import ONES
 
@@ -156,6 +156,17 @@ def held_out(held_out_submissions):
     return whole, model
 
 
+@pytest.fixture(scope="module")
+def unseen_families(row_of):
+    """The model where each family was held out."""
+    return row_of("Model", "family", 1.05, kind="learned", training_data="the training split")
+
+
+def narrow(text):
+    """Return a page with ± 0 where an interval is as wide as rounding makes it."""
+    return re.sub(r"± (?:0\.0000|(?:<|&lt;) 0\.0001)", "± 0", text)
+
+
 def placed(rows, board):
     """Place rows on a board, and return those that are read from it."""
     for row in rows:
@@ -185,22 +196,37 @@ def test_section_shows_scores_beside_the_iid_column_with_the_drop(held_out, tmp_
     text = pages[Path(leaderboard.PAGE)]
     assert "protocol genus" not in text  # no section of its own
     assert text.index("unlike those of training, against the surface") < text.index(MESH)
-    text = text.partition(MESH)[2]
-    heads, _, counts = text.partition("| model (mean RPD ↓) |")[2].splitlines()[:3]
-    assert heads.split(" | ")[3] == "genus 1 and more unseen"
-    assert re.fullmatch(r"9 \(\d+ %\)", counts.split(" | ")[4])
-    assert counts.startswith("| test meshes (share with a training shape within 1 %) |")
-    assert "| Model | 0.0498 | not run | not run | 0.2439 (+0.1942) | not run |" in text
-    assert "| Lazy | 0.0990 | not run | not run | not run | not run |" in text
-    assert "| Solver | 0.0050 | 0.0050 | 0.0050 | 0.0050 | 0.0050 |" in text
-    details = pages[leaderboard.BOARDS / "2.0-mini-generalisation-mesh.md"]
-    assert "| Model | 100.00 % | not run | not run | 100.00 % (+0.00) | not run |" in details
+    text = narrow(text.partition(MESH)[2])
+    heads, _, counts = text.partition("| rank, each family unseen | ")[2].splitlines()[:3]
+    assert heads.split(" | ")[4] == "genus 1 and more unseen"
+    assert re.fullmatch(r"9 \(\d+ %\)", counts.split(" | ")[5])
+    assert counts.startswith("|  | test meshes (share with a training shape within 1 %) |")
+    zero = " ± 0"
+    of_model = f"0.0498{zero} | not run | not run | 0.2439{zero} (+0.1942) | not run | 1 |"
+    assert f"|  | Model | {of_model}" in text
+    assert f"|  | Lazy | 0.0990{zero} | not run | not run | not run | not run |  |" in text
+    assert f"| 1 | Solver{5 * f' | 0.0050{zero}'} | 1 |" in text
+    details = narrow(pages[leaderboard.BOARDS / "2.0-mini-generalisation-mesh.md"])
+    bound = r"100 % \(≥ \d+\.\d\d %\)"
+    of_model = rf"{bound} \| not run \| not run \| {bound} \(\+0\.00\) \| not run \| 1 \|"
+    assert re.search(rf"^\|  \| Model \| {of_model}$", details, re.M)
+    assert re.findall(r"^## .*", details, re.M)[2] == "## Genus 1 and more unseen"
+    genus = details.partition("## Genus 1 and more unseen")[2].partition("## ")[0]
+    assert genus.startswith("\n\n9 meshes, ")
+    assert re.search(rf"^\| 1 \| Solver \| classical \| 0\.0050{zero} \| none \| none", genus, re.M)
+    of_model = rf"0\.2439{zero} \| 0\.0498 \| \+0\.1942 \| {bound} \| 1 \|"
+    assert re.search(rf"^\| 2 \| Model \| learned \| {of_model}$", genus, re.M)
+    assert "Lazy" not in genus
     scored = json.loads(pages[leaderboard.BOARDS / "2.0-mini-generalisation-mesh.json"])
     assert scored["protocols"]["genus"]["meshes"] == 9
     (there,) = (row for row in scored["rows"] if row["name"] == "Model")
-    expected = {"score": 10 * 0.05 / 2.05, "drop": 10 * (0.05 / 2.05 - 0.01 / 2.01)}
-    assert there["protocols"]["genus"]["rpd"] == pytest.approx(expected, rel=1e-5)
-    assert there["protocols"]["family"]["rpd"] == {"score": None, "drop": None}
+    genus, family = there["protocols"]["genus"], there["protocols"]["family"]
+    mean = 10 * 0.05 / 2.05
+    expected = {"score": mean, "low": mean, "high": mean, "drop": mean - 10 * 0.01 / 2.01}
+    assert genus["rpd"].pop("seed_std") is None
+    assert genus["rpd"] == pytest.approx(expected, rel=1e-5)
+    assert (genus["rank"], genus["exact"], genus["seeds"]) == ([2, 2], False, 1)
+    assert set(family["rpd"].values()) == {None} == {family["rank"], family["seeds"]}
     lines = details.partition("## How near training comes")[2].splitlines()
     near = {line.split(" | ")[0][2:]: line.split(" | ")[1] for line in lines if line[:1] == "|"}
     assert (near["genus 1 and more unseen"], near["familiar shapes"]) == ("9", "75")
@@ -222,11 +248,114 @@ def test_readme_shows_what_the_first_rows_lose(held_out):
     whole, model = held_out
     text = leaderboard.generate([*whole, model], [], (), README)[Path("README.md")]
     assert "held out of training, synthNet 2.0-mini, against the surface" in text
-    (line,) = re.findall(r"^\| Model \| 0\.\d+ \| not run .*$", text, flags=re.M)
-    assert re.search(r"\| not run \| not run \| 0\.\d+ \(\+0\.\d+\) \| not run \|", line)
-    best = page.generalised_top(generalisation.Board(ranking.ranked(whole), {"genus": [model]}), 1)
-    first_cells = [line.split(" | ")[0] for line in best.splitlines()[2:]]
-    assert first_cells == ["| model (mean RPD ↓)", "| ---", "| Solver"]
+    score = r"0\.\d+ ± [&lt; ]*0\.\d+"
+    cells = rf"not run \| not run \| {score} \(\+0\.\d+\) \| not run"
+    assert re.search(rf"^\|  \| Model \| {score} \| {cells} \|$", text, flags=re.M)
+    board = generalisation.Board(ranking.ranked(whole), {"genus": [model]})
+    best = page.generalised_top(board, 1)
+    first_cells = [line.split(" | ")[1] for line in best.splitlines()[2:]]
+    assert first_cells == ["model (mean RPD ↓)", "---", "Solver"]
+    other = page.generalised_best(board, Path("of/mesh.md"))
+    assert other in text.replace("benchmark/boards/2.0-mini-generalisation-mesh.md", "of/mesh.md")
+    said = "the first trained model is *Model*: genus 1 and more unseen 0.2439 ± 0 (+0.1942). "
+    assert f"{said}[All rows against the mesh](of/mesh.md).\n" in narrow(other)
+    untrained = generalisation.Board(board.rows[:1], {})
+    assert page.generalised_best(untrained, Path("x")) == "[All rows against the mesh](x).\n"
+
+
+def test_scores_and_ranks_under_a_protocol_are_of_its_shapes_alone(parts, make_row):
+    whole, genus = parts["grouped"], parts["genus"]
+    rng = np.random.default_rng(0)
+    untrained = {"kind": "classical", "training_data": "none"}
+    factors = 1 + 0.02 * rng.random((len(whole.ids), 1))
+    rows = [
+        make_row("Noisy", whole.eigenvalues * factors, whole, **untrained),
+        make_row("Twice", whole.eigenvalues * factors * factors, whole, **untrained),
+    ]
+    several = 1 + np.array([0.001, 0.002, 0.003])[:, None, None]
+    trained = [
+        make_row("Trained", labels.eigenvalues * seeds, labels, kind="learned")
+        for labels, seeds in ((whole, several[:1]), (genus, several))
+    ]
+    board = generalisation.Board(ranking.ranked([*rows, trained[0]]), {"genus": [trained[1]]})
+    there = board.under["genus"]
+    assert [(name, row.ranks) for name, row in there.items()] == [
+        ("trained", (1, 1)),
+        ("noisy", (2, 2)),
+        ("twice", (3, 3)),
+    ]
+    of_genus = [whole.ids.index(id) for id in genus.ids]
+    expected = scores.score(genus, rows[0].predictions[:, of_genus])["overall"]["rpd"]
+    assert there["noisy"].scores["overall"]["rpd"] == expected
+    group = generalisation.table(board, "rpd", {})
+    (column,) = (column for column in group.columns if column.key == "rpd-genus")
+    half = (expected["high"] - expected["low"]) / 2
+    assert half > 1e-3
+    assert column.cell(board.rows[1])[0] == f"{expected['mean']:.4f} ± {half:.4f}"
+    seeds = generalisation.seeds(board)
+    assert [seeds.cell(row)[0] for row in board.rows] == ["3", "1", "1"]
+
+
+def test_rows_are_in_the_order_of_the_first_protocol_and_say_so(held_out, row_of):
+    whole, model = held_out
+    family = row_of("Model", "family", 1.0005, kind="learned", training_data="the training split")
+    board = generalisation.Board(ranking.ranked(whole), {"family": [family], "genus": [model]})
+    names = [row.submission.name for row in board.rows]
+    assert names == ["Solver", "Model", "Lazy"]
+    assert [row.submission.name for row in board.models] == ["Model", "Solver", "Lazy"]
+    rank = generalisation.rank(board)
+    assert rank.title == "rank, each family unseen"
+    assert [rank.cell(row)[0] for row in board.models] == ["1", "2", ""]
+
+
+WHY = {
+    "version": "2.0-mini",
+    "protocols": ["family", "boundary"],
+    "models": ["Model", "Lazy"],
+    "reason": "too | slow",
+}
+
+
+def write_why(root, **changes):
+    (root / "benchmark").mkdir(exist_ok=True)
+    (root / leaderboard.WHY_NOT).write_text(json.dumps({"reasons": [{**WHY, **changes}]}))
+
+
+def test_why_a_model_was_not_run_stands_below_the_table(held_out, tmp_path):
+    whole, model = held_out
+    rows = [*whole, model]
+    assert leaderboard.read_not_run(tmp_path, rows) == []
+    write_why(tmp_path)
+    pages = leaderboard.generate(rows, [], (), README, leaderboard.read_not_run(tmp_path, rows))
+    line = "\n\n¹ Model and Lazy, each family unseen, boundaries unseen: too \\| slow\n"
+    for page_ in ("LEADERBOARD.md", "README.md"):
+        text = pages[Path(page_)]
+        assert line in text
+        cells = r"not run ¹ \| not run \| 0\.\d+ ± 0\.\d+ \(\+0\.\d+\) \| not run ¹ \|"
+        assert re.search(rf"^\|  \| Model \| 0\.\d+ ± 0\.\d+ \| {cells}", text, re.M)
+    scored = json.loads(pages[leaderboard.BOARDS / "2.0-mini-generalisation-mesh.json"])
+    (there,) = (row["protocols"] for row in scored["rows"] if row["name"] == "Model")
+    assert there["boundary"]["not_run"] == "too | slow"
+    assert "not_run" not in there["resolution"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"protocols": ["genus"]},
+            "Model has a row under genus of 2.0-mini, so there is no reason",
+        ),
+        ({"models": ["Nobody"]}, "Nobody has no row under grouped of 2.0-mini"),
+        ({"protocols": ["genius"]}, "2.0-mini has no protocol genius"),
+        ({"reason": ""}, "at reasons/0/reason"),
+    ],
+)
+def test_a_reason_for_nothing_is_refused(held_out, tmp_path, changes, message):
+    whole, model = held_out
+    write_why(tmp_path, **changes)
+    with pytest.raises(ResultError, match=message):
+        leaderboard.read_not_run(tmp_path, [*whole, model])
 
 
 def test_what_is_trained_on_another_version_has_no_drop(row_of):
@@ -250,9 +379,12 @@ def test_a_remark_beside_a_result_stands_below_its_table(held_out, tmp_path):
         text = pages[Path(location)]
         assert "\n\n**Solver**: a \\| b\n" in text
         assert "\n\n¹ Model, genus 1 and more unseen: tuned on these\n" in text
-    held = pages[Path("LEADERBOARD.md")].partition(MESH)[2]
-    assert "| Solver | 0.0050 | 0.0050 | 0.0050 | 0.0050 | 0.0050 |" in held
-    assert "| Model | 0.0498 | not run | not run | 0.2439 (+0.1942) ¹ | not run |" in held
+    held = narrow(pages[Path("LEADERBOARD.md")].partition(MESH)[2])
+    zero = " ± 0"
+    assert f"| 1 | Solver{5 * f' | 0.0050{zero}'} | 1 |" in held
+    assert (
+        f"| Model | 0.0498{zero} | not run | not run | 0.2439{zero} (+0.1942) ¹ | not run |" in held
+    )
 
 
 @pytest.mark.parametrize(
@@ -376,13 +508,13 @@ def test_a_model_without_a_mark_is_named_with_the_reason(held_out, layout):
     assert ">2</text>" not in text
 
 
-def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, row_of):
+def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, unseen_families, row_of):
     whole, model = held_out
     elsewhere = {"kind": "learned", "training_data": "synthNet 1.0 train"}  # not counted
     foreign = row_of("Foreign", "grouped", 1.005, **elsewhere)
     rows = ranking.ranked([row.at("surface") for row in [*whole, foreign]])
-    surface = model.at("surface")
-    board = generalisation.Board(rows, {"family": [surface], "genus": [surface]})
+    surface = unseen_families.at("surface")
+    board = generalisation.Board(rows, {"family": [surface], "genus": [model.at("surface")]})
     means = {row.submission.name: row.scores["overall"]["rpd"]["mean"] for row in rows}
     trained = [row for row in rows if row.submission.name in ("Model", "Lazy")]
     nearer = [row for row in trained if means[row.submission.name] < means["Solver"]]
@@ -391,7 +523,7 @@ def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, row_of):
     assert f" off by {share} on average (mean RPD {means['Solver']:.4f})" in first
     assert f" {len(nearer)} of {len(trained)} trained models are significantly closer" in second
     unseen = board.scored(surface, "family", "rpd").score
-    other = generalisation.restricted(whole[0].at("surface"), model.truth)
+    other = generalisation.restricted(whole[0].at("surface"), surface.truth)
     closer = ranking.difference(surface, other.at("surface"), "rpd").verdict == "a"
     assert closer == (unseen < means["Solver"])
     some = "1 of 1 trained models is significantly closer than Solver: *Model*"
@@ -409,15 +541,17 @@ def test_the_answer_in_sentences_has_the_numbers_of_the_board(held_out, row_of):
         (1.02, None),  # farther than the solver
     ],
 )
-def test_a_nearer_row_without_training_has_a_sentence(held_out, parts, make_row, factor, sentence):
-    whole, model = held_out
+def test_a_nearer_row_without_training_has_a_sentence(
+    held_out, unseen_families, parts, make_row, factor, sentence
+):
+    whole, _ = held_out
     labels = parts["grouped"]
     limits = make_row("Any", labels.eigenvalues, labels).at("surface").truth
     bent = make_row(
         "Bent", limits.eigenvalues * factor, labels, kind="classical", training_data="none"
     )
     rows = ranking.ranked([row.at("surface") for row in [*whole, bent]])
-    board = generalisation.Board(rows, {"family": [model.at("surface")]})
+    board = generalisation.Board(rows, {"family": [unseen_families.at("surface")]})
     *_, last = answer_figure.sentences(board, solver="solver").splitlines()
     assert last.startswith(sentence or "3. ")
 

@@ -397,7 +397,7 @@ def test_what_is_held_out_stands_beside_the_same_model_trained_on_everything(mad
 def test_what_is_not_trained_is_scored_on_the_part_that_a_protocol_tests(made_board):
     genus = truth.load("2.0-mini", "test", "genus")
     (solver,) = (row for row in made_board[0] if row.name == "Solver")
-    part = boards.restricted(solver, genus)
+    part = generalisation.rescored(solver, genus)
     assert part.truth.digest == genus.digest
     np.testing.assert_array_equal(part.predictions, generalisation.predicted(solver, genus))
     np.testing.assert_allclose(part.predictions[0], genus.eigenvalues * 1.001)
