@@ -199,4 +199,4 @@ def real_board():
 @pytest.fixture(scope="session")
 def real_content(real_board, bundled):
     """The files of the page of this repository."""
-    return write.files(*real_board)
+    return write.files(*real_board, not_run=leaderboard.read_not_run(CHECKOUT, real_board[0]))

@@ -61,6 +61,14 @@ def visit(browser, folders):
     assert problems == []
 
 
+@pytest.mark.slow
+def test_page_opens_with_families_held_out_against_the_surface(visit):
+    page = visit(name="real")
+    expect(page).to_have_url(re.compile(r"#board=2\.0-test-family-surface$"))
+    titles = page.locator("#table thead th").all_text_contents()
+    assert any("drop" in title for title in titles)
+
+
 def names(page):
     return page.locator("#table tbody .title").all_text_contents()
 
