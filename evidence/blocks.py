@@ -114,6 +114,7 @@ BLOCKS = {
     "submit/ratios": Block(("ratios",), "ratios.table"),
     "submit/call": Block((), "harness_overhead.call", inline=True),
     "README/earlier-rule": Block((), "learned.earlier_rule", inline=True),
+    "README/paper-speed": Block(("gcn",), "paper_speed.short", inline=True),
     "README/installation": Block(("installation",), "installation.sizes", inline=True),
     "submit/overhead": Block(("harness-overhead",), "harness_overhead.table"),
 }

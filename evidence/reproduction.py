@@ -26,7 +26,7 @@ from baselines.gcn.configs import CONFIGS
 from baselines.gcn.model import GCN
 from baselines.gcn.predictor import told
 from baselines.gcn.queue import Training
-from evidence import DOCS, ROOT, markdown, numbers
+from evidence import DOCS, ROOT, markdown, numbers, paper_speed
 from evidence.markdown import folded
 from synthnet.pictures.palette import BLUE, GREEN, PALE, VERMILION
 from synthnet.store.files import write_bytes
@@ -379,6 +379,7 @@ def page(drawn: Iterable[Path]) -> str:
         OPENING,
         f"![Bars of seconds: networks, LaPy and the certified solver, 200 meshes each]({TIMES})\n\n"
         f"{TIMES_CAPTION}",
+        paper_speed.claim(numbers.read("gcn")),
         "## What holds of the paper's findings",
         findings(),
         "## How much is leakage",
