@@ -29,7 +29,7 @@ from synthnet.store import ImportDescription, StoredDataset, files, limits, unpa
 from synthnet.store.storage import Location
 from synthnet.types import Manifest, ShardRecord
 
-RULES = 3  # of reading, repair and label; to be raised with any that gives a file another outcome
+RULES = 4  # of reading, repair and label; to be raised with any that gives a file another outcome
 FACTS = (  # parameters that are no repair
     *("file", "sha256", "part", "scale", "not_orientable", "components", "largest_share"),
     *("shares", "error_bound"),

@@ -13,7 +13,9 @@ size                  refused if the diagonal is outside :data:`DIAGONALS`: ``ex
 equal positions       vertices nearer than :data:`NEAR` of the diagonal become one; refused
                       if :data:`COLLAPSED` of the faces fall together by it: ``extent``.
                       (``merge``). ``apart``: not if merging would give an edge more than
-                      two faces, the surface is one as it is, and merging closes no seam
+                      two faces, the surface is one as it is, and merging closes no seam.
+                      If too many faces fall together, and one component alone is kept, each part
+                      is measured by its own diagonal: parts may be small and far from each other
 repeated corners      faces that name a vertex twice (after that) are dropped
 duplicate faces       ``duplicates``: of faces with the same three corners one is kept
 loose vertices        vertices without a face are dropped
@@ -36,6 +38,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -194,11 +197,14 @@ def count_components(mesh: Mesh, rules: Rules) -> int:
 
     Raise Refused by the first rule that the mesh offends before its components are told apart.
     """
-    return len(told_apart(mesh, replace(rules, components=KEEP, part=None)).shares)
+    return len(told_apart(mesh, replace(rules, components=KEEP, part=None), alone=True).shares)
 
 
-def told_apart(mesh: Mesh, rules: Rules) -> Repaired:
-    """Return the mesh after all rules up to the one of its components."""
+def told_apart(mesh: Mesh, rules: Rules, *, alone: bool = False) -> Repaired:
+    """Return the mesh after all rules up to the one of its components.
+
+    ``alone`` is whether each component becomes a shape by itself, as the rules may say, too.
+    """
     if not len(mesh.faces):
         count = len(mesh.vertices)
         raise Refused("no_faces", f"a point cloud: {count:,} points" if count else "it is empty")
@@ -212,10 +218,11 @@ def told_apart(mesh: Mesh, rules: Rules) -> Repaired:
     as_it_is = in_order(state, cleaning)
     repaired = as_it_is
     if "merge" not in rules.without:
-        repaired = in_order(merged(state), cleaning)
+        join = partial(merged, alone=alone or rules.components != KEEP or rules.part is not None)
+        repaired = in_order(join(state), cleaning)
         if "apart" not in rules.without and not has_manifold_edges(repaired.mesh):
             touching = repaired.repairs.get("merged vertices", 0)
-            if is_surface(as_it_is.mesh) and not has_seams(as_it_is):
+            if is_surface(as_it_is.mesh) and not has_seams(as_it_is, join):
                 repaired = as_it_is.with_repair("touching vertices", touching, as_it_is.mesh)
     repaired = not_too_large(repaired)
     if "caps" not in rules.without:
@@ -245,9 +252,9 @@ def is_surface(mesh: Mesh) -> bool:
     return has_manifold_edges(mesh) and not flat_faces(mesh)
 
 
-def has_seams(state: Repaired) -> bool:
+def has_seams(state: Repaired, join: Rule) -> bool:
     """Return whether merging gives an edge of one face its second one, as along a seam."""
-    before, after = (_valences(repaired.mesh.faces) for repaired in (state, merged(state)))
+    before, after = (_valences(repaired.mesh.faces) for repaired in (state, join(state)))
     return bool(((before == 1) & (after == 2)).any())
 
 
@@ -280,26 +287,60 @@ def within_extent(state: Repaired) -> Repaired:
     return state
 
 
-def merged(state: Repaired) -> Repaired:
-    """Make one vertex of those at the same position, the one that comes first."""
+def merged(state: Repaired, *, alone: bool = False) -> Repaired:
+    """Make one vertex of those at the same position, the one that comes first.
+
+    What is the same goes by the size of the mesh. Parts that are small beside the distance between
+    them would collapse by that. If one component alone is kept (``alone``), each part is measured
+    by itself then: a part is what faces connect, and vertices that were the same so far.
+    """
     vertices, faces = state.mesh.vertices, state.mesh.faces
-    used = np.unique(faces)
-    distance = NEAR * _diagonal(state.mesh)
-    joined = _near(vertices[used], distance)
+    used, corners = np.unique(faces, return_inverse=True)
+    corners = corners.reshape(-1, 3)
+    joined = _near(vertices[used], NEAR * _diagonal(state.mesh))
+    parts = 1
+    while (gone := _collapsed(vertices[faces], joined[corners])) > COLLAPSED * len(faces):
+        part = _parts(corners, joined)
+        before, parts = parts, int(part.max()) + 1
+        if parts == before or not alone:
+            raise _too_many_collapsed(state.mesh, gone, parts, alone=alone)
+        joined = _near_in_parts(vertices[used], part)
     keep = np.full(joined.max() + 1, len(used))
     np.minimum.at(keep, joined, np.arange(len(used)))
     target = np.arange(len(vertices))
     target[used] = used[keep[joined]]
     mesh = Mesh(vertices, target[faces])
-    apart = (vertices[faces] != np.roll(vertices[faces], 1, axis=1)).any(axis=2).all(axis=1)
-    gone = int(np.count_nonzero(apart & _repeated(mesh.faces)))
-    if gone > COLLAPSED * len(faces):
-        raise Refused(
-            "extent",
-            f"{gone:,} of {len(faces):,} faces are smaller than {distance:.2g}, {NEAR:g} of the "
-            "diagonal: is a vertex far away?",
-        )
     return state.with_repair("merged vertices", len(used) - len(keep), mesh)
+
+
+def _collapsed(corners: NDArray[np.floating], joined: NDArray[np.int64]) -> int:
+    """Return how many faces whose corners (m, 3, 3) differ have two that are joined, (m, 3)."""
+    apart = (corners != np.roll(corners, 1, axis=1)).any(axis=2).all(axis=1)
+    return int(np.count_nonzero(apart & _repeated(joined)))
+
+
+def _parts(corners: NDArray[np.int64], joined: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the part of each vertex, (n,): faces connect it, and vertices that are joined."""
+    n = len(joined)
+    tails = np.concatenate([corners[:, :2].ravel(), np.arange(n)])
+    heads = np.concatenate([corners[:, 1:].ravel(), n + joined])
+    return connected(n + int(joined.max()) + 1, tails, heads)[:n]
+
+
+def _too_many_collapsed(mesh: Mesh, gone: int, parts: int, *, alone: bool) -> Refused:
+    """Return that merging collapses too many faces, with the cause and what helps."""
+    distance = f"{NEAR * _diagonal(mesh):.2g}, {NEAR:g} of the diagonal"
+    cause = "is a vertex far away?"
+    if parts > 1 and alone:
+        distance = f"{NEAR:g} of the diagonal of their part"
+    elif parts > 1:
+        cause = (
+            f"its {parts:,} parts are small beside the distance between them; `synthnet import "
+            "--components largest`, or split, measures each by itself"
+        )
+    return Refused(
+        "extent", f"{gone:,} of {len(mesh.faces):,} faces are smaller than {distance}: {cause}"
+    )
 
 
 def not_too_large(state: Repaired) -> Repaired:
@@ -454,8 +495,22 @@ def _repeated(faces: NDArray[np.integer]) -> NDArray[np.bool_]:
     return repeated
 
 
-def _near(points: Vertices, distance: float) -> NDArray[np.int64]:
+def _near_in_parts(points: Vertices, part: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return :func:`_near` by :data:`NEAR` of the diagonal of each point's part, (n,)."""
+    least, most = np.full((2, part.max() + 1, 3), [[[np.inf]], [[-np.inf]]])
+    np.minimum.at(least, part, points)
+    np.maximum.at(most, part, points)
+    diagonals = np.linalg.norm(most - least, axis=1)
+    diagonals[diagonals == 0] = 1.0  # of a part whose vertices are all in one point
+    return _near((points - least[part]) / diagonals[part, None], NEAR, part)
+
+
+def _near(
+    points: Vertices, distance: float, part: NDArray[np.int64] | None = None
+) -> NDArray[np.int64]:
     """Return a number for each point, (n,), equal for those joined by steps below a distance.
+
+    ``part`` is a number of each point, (n,); points of different ones are not joined.
 
     Points that share a cell of twice that width are joined. Along an axis the cells of two grids
     half a cell apart have no walls nearer to each other than the distance, so two points within
@@ -467,6 +522,8 @@ def _near(points: Vertices, distance: float) -> NDArray[np.int64]:
     joined = np.arange(n)
     for shift in itertools.product((0.0, 0.5), repeat=3):
         x, y, z = np.floor(scaled + shift).astype(np.int64).T
+        if part is not None:
+            x = np.unique((part << 24) + x, return_inverse=True)[1].ravel()
         column = np.unique((x << 24) + y, return_inverse=True)[1].ravel()
         cell = np.unique((column << 24) + z, return_inverse=True)[1].ravel()
         joined = connected(2 * n, joined, n + cell)[joined]

@@ -313,6 +313,15 @@ def test_each_component_is_a_shape_if_asked(folder, imported, root):
     assert verify("mine", root=root).problems == ()
 
 
+@pytest.mark.parametrize(("components", "rows"), [("keep", 0), ("largest", 1), ("split", 2)])
+def test_parts_far_from_each_other_are_shapes_by_themselves(components, rows, scans, imported):
+    (SPHERE + FAR.copy().apply_translation([1e9, 0, 0])).export(scans / "a.off", digits=17)
+    dataset = imported(scans, components=components).dataset
+    assert dataset.manifest.rows == rows
+    for sample, mesh in zip(dataset.samples(), (SPHERE, FAR), strict=False):
+        assert geometry.area(sample.mesh) == pytest.approx(mesh.area, rel=1e-6)
+
+
 def test_500_spheres_in_a_file_are_one_shape_with_all_shares(scans, imported):
     ball = trimesh.creation.icosphere(subdivisions=1)
     many = [ball.copy().apply_translation([5 * i, 0, 0]) for i in range(500)]

@@ -216,6 +216,48 @@ def test_several_components(options, size, repairs):
     assert area(repaired.mesh) == pytest.approx(size)
 
 
+APART = np.concatenate([SOUP[0], 1e9 + 2 * SOUP[0]]), np.arange(72).reshape(-1, 3)
+
+
+@pytest.mark.parametrize(("options", "size"), [({"components": "largest"}, 24), ({"part": 1}, 6)])
+def test_of_parts_far_from_each_other_one_alone_is_merged_by_its_own_size(options, size):
+    """Two cubes as soup: beside the distance between them each is but a point."""
+    repaired = done(*APART, **options)
+    assert repaired.repairs["merged vertices"] == 2 * 28
+    assert (len(repaired.mesh.vertices), len(repaired.shares)) == (8, 2)
+    assert area(repaired.mesh) == pytest.approx(size)
+    assert repair.count_components(Mesh(*APART), repair.Rules()) == 2
+
+
+def test_parts_far_from_each_other_are_refused_together_with_what_helps():
+    with pytest.raises(repair.Refused) as error:
+        done(*APART)
+    assert error.value.detail == (
+        "24 of 24 faces are smaller than 1.7e+02, 1e-07 of the diagonal: its 2 parts are small "
+        "beside the distance between them; `synthnet import --components largest`, or split, "
+        "measures each by itself"
+    )
+
+
+@pytest.mark.parametrize(("parts", "whose"), [(1, ""), (2, " of their part")])
+def test_a_vertex_far_from_its_own_part_is_refused_whatever_is_kept(parts, whose):
+    spiked = np.where(np.arange(8)[:, None] == 7, 1e9, CUBE)
+    vertices = np.concatenate([spiked, spiked + 1e20])[: 8 * parts]
+    faces = np.concatenate([FACES, FACES + 8])[: 12 * parts]
+    with pytest.raises(repair.Refused, match=rf"1e-07 of the diagonal{whose}: is a vertex far"):
+        done(vertices, faces, components="largest")
+
+
+def test_parts_of_parts_are_measured_by_themselves():
+    """Two cubes near each other, and two more far away, all as soup: three rounds of merging."""
+    size = 1e-9
+    vertices = [SOUP[0] * size, (1 + 2 * SOUP[0]) * size + [1, 0, 0], 1e9 + SOUP[0]]
+    faces = np.arange(108).reshape(-1, 3)
+    repaired = done(np.concatenate(vertices), faces, part=2)
+    assert len(repaired.shares) == 3
+    assert area(repaired.mesh) == pytest.approx(6 * size**2)
+
+
 def test_components_are_chosen_before_they_are_judged():
     """A flat triangle and an edge of three faces, both in the smaller component."""
     faces = np.concatenate([[*FACES, [0, 7, 1]], FACES + 8])
