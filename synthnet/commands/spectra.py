@@ -152,18 +152,19 @@ def run_spectrum(options: argparse.Namespace) -> int:
     written = ""
     try:
         if options.out is not None:
-            write_text(options.out, _as_csv(answers, options.k))
+            write_text(options.out, _as_csv(answers, options.k, operator))
             written = f"\n\nwritten to {options.out}"
     finally:  # the work is shown, though the disk may be full
-        _print(answers, options, written)
+        _print(answers, options, operator, written)
     return terminal.WRONG_INPUT if any(answer.problem for answer in answers) else 0
 
 
-def _print(answers: list[Answer], options: argparse.Namespace, written: str) -> None:
+def _print(
+    answers: list[Answer], options: argparse.Namespace, operator: Operator, written: str
+) -> None:
     """Print the table, and what there is to say of each file."""
-    terminal.print_answer(
-        options, [_facts(answer) for answer in answers], _table(answers, options.k) + written
-    )
+    facts = [_facts(answer, operator) for answer in answers]
+    terminal.print_answer(options, facts, _table(answers, options.k) + written)
     for answer in answers:
         if answer.spectrum is not None and answer.spectrum.components > 1:
             print(_of_components(answer.file, answer.spectrum.components), file=sys.stderr)
@@ -201,6 +202,7 @@ def run_certify(options: argparse.Namespace) -> int:
                     for i, true in verdict.off
                 ],
                 "repairs": state.repairs,
+                "operator": _named(operator),
             }
         )
     else:
@@ -315,7 +317,12 @@ def _said(repairs: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {name}" for name, count in repairs.items())
 
 
-def _facts(answer: Answer) -> dict[str, object]:
+def _named(operator: Operator) -> dict[str, str]:
+    """Return what an operator of the command is called."""
+    return {name: str(getattr(operator, name)) for name in ("elements", "mass", "boundary")}
+
+
+def _facts(answer: Answer, operator: Operator) -> dict[str, object]:
     """Return what is known of a file, for JSON."""
     if answer.spectrum is None:
         return {"file": str(answer.file), "problem": answer.problem}
@@ -330,6 +337,7 @@ def _facts(answer: Answer) -> dict[str, object]:
         "count": certificate.count,
         "shift": certificate.shift,
         "repairs": answer.repairs,
+        "operator": _named(operator),
     }
 
 
@@ -352,21 +360,22 @@ def _table(answers: list[Answer], k: int) -> str:
     return str(tabulate(rows, headers=headers, disable_numparse=True))
 
 
-def _as_csv(answers: list[Answer], k: int) -> str:
-    """Return one row per file: its vertices, components and eigenvalues to the last digit.
+def _as_csv(answers: list[Answer], k: int, operator: Operator) -> str:
+    """Return one row per file: its vertices, components, eigenvalues to the last digit, operator.
 
-    If no file has a spectrum, there are no columns of eigenvalues: k may be too large for any.
+    The columns of the operator are the last, so that eigenvalues stay where they always were. If no
+    file has a spectrum, there are no columns of eigenvalues: k may be too large for any.
     """
     count = k if any(answer.spectrum is not None for answer in answers) else 0
-    text = io.StringIO()
+    names, text = _named(operator), io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(
-        ["file", "vertices", "components", *(f"lambda_{i}" for i in range(1, count + 1))]
-    )
+    values = [f"lambda_{i}" for i in range(1, count + 1)]
+    writer.writerow(["file", "vertices", "components", *values, *names])
     for answer in answers:
         if answer.spectrum is not None:
             facts = [_printable(answer.file), answer.vertices, answer.spectrum.components]
-            writer.writerow([*facts, *map(repr, answer.spectrum.eigenvalues.tolist())])
+            values = [repr(value) for value in answer.spectrum.eigenvalues.tolist()]
+            writer.writerow([*facts, *values, *names.values()])
     return text.getvalue()
 
 

@@ -62,9 +62,12 @@ def test_spectra_of_files_are_shown_written_and_certified(run, printed, files, t
     expected = compute(sphere, 12).eigenvalues
     header, *rows = out.read_text().splitlines()
     assert header.startswith("file,vertices,components,lambda_1,")
+    assert header.endswith(",lambda_12,elements,mass,boundary")
     assert len(rows) == 2
     for row in rows:
-        np.testing.assert_allclose(np.array(row.split(",")[3:], float), expected, rtol=1e-6)
+        cells = row.split(",")
+        np.testing.assert_allclose(np.array(cells[3:15], float), expected, rtol=1e-6)
+        assert cells[15:] == ["linear", "consistent", "neumann"]
     for file in files[:2]:
         judged = printed("certify", file, out)
         assert judged.startswith("certified: 12 eigenvalues within 1e-06")
@@ -76,7 +79,9 @@ def test_spectra_of_files_are_shown_written_and_certified(run, printed, files, t
 def test_files_have_other_operators(run, files, tmp_path):
     answer = tmp_path / "lumped.csv"
     assert run("spectrum", files[0], "-k", 5, "--mass", "lumped", "--out", answer)[0] == 0
-    values = [float(value) for value in answer.read_text().splitlines()[1].split(",")[3:]]
+    cells = answer.read_text().splitlines()[1].split(",")
+    values = [float(value) for value in cells[3:8]]
+    assert cells[8:] == ["linear", "lumped", "neumann"]
     expected = compute(trimesh.load(files[0]), 5, operator=Operator(mass="lumped")).eigenvalues
     np.testing.assert_allclose(values, expected, rtol=1e-9)
     assert run("certify", files[0], answer)[0] == 1
@@ -86,6 +91,18 @@ def test_files_have_other_operators(run, files, tmp_path):
     assert "a.ply: the mesh is closed: it has no boundary" in err
     line = only_line(*run("spectrum", files[0], "--elements", "tufted", "--mass", "mean"))
     assert line == "synthnet: tufted elements have no mean mass: lumped only: leave --mass out"
+
+
+def test_answers_name_their_operator(run, printed, files, tmp_path):
+    answer = tmp_path / "answer.csv"
+    options = ["--elements", "delaunay", "--mass", "mean"]
+    expected = {"elements": "delaunay", "mass": "mean", "boundary": "neumann"}
+    (facts,) = json.loads(printed("spectrum", files[0], *options, "--json", "--out", answer))
+    assert facts["operator"] == expected
+    (row,) = csv.DictReader(answer.read_text().splitlines())
+    assert expected.items() <= row.items()
+    judged = json.loads(printed("certify", files[0], answer, *options, "--json"))
+    assert judged["operator"] == expected
 
 
 def test_an_answer_is_judged(run, files, tmp_path):
@@ -199,7 +216,7 @@ def test_all_eigenvalues_of_a_mesh_are_had_and_judged(options, run, files, tmp_p
     n, answer = 162, tmp_path / "answer.csv"
     code, _, err = run("spectrum", files[0], "-k", n - 1, "--out", answer, *options)
     assert (code, err) == (0, "")
-    values = answer.read_text().splitlines()[1].split(",")[3:]
+    values = answer.read_text().splitlines()[1].split(",")[3 : n + 2]
     answer.write_text("\n".join(["0", *values]))
     assert run("certify", files[0], answer, *options)[0] == 0
     code, _, err = run("spectrum", files[0], "-k", n, *options)
@@ -266,7 +283,7 @@ def test_a_k_that_no_file_has_costs_nothing(run, files, tmp_path):
     code, table, err = run("spectrum", files[0], "-k", k, "--out", out)
     assert (code, err.count("k must be between 1 and")) == (2, 1)
     assert f"λ{k}" in table
-    assert out.read_text() == "file,vertices,components\n"
+    assert out.read_text() == "file,vertices,components,elements,mass,boundary\n"
 
 
 def test_a_missing_mesh_is_one_line(run, files, tmp_path):
