@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 from synthnet.build.terms import SHARDS
 from synthnet.errors import MeshImportError
-from synthnet.mesh.formats import SUFFIXES, kind_of
+from synthnet.mesh.formats import SUFFIXES, kind_of, no_mesh
 from synthnet.recipe import SplitSettings, splits
 from synthnet.recipe.plan import PlannedShape, ShardPlan
 from synthnet.store import files
@@ -94,7 +94,7 @@ def _by_directory(places: Places) -> dict[Path, list[tuple[Path, str]]]:
         path = given.absolute()  # a worker may be elsewhere
         if path.is_file():
             if kind_of(path.name) is None:
-                raise MeshImportError(f"{given} is none of {', '.join(SUFFIXES)}")
+                raise MeshImportError(no_mesh(str(given)))
             directory = path.parent.resolve()
             files[directory].append((directory / path.name, ""))
         else:

@@ -52,6 +52,15 @@ PLY_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 PLY_INDICES = ("vertex_indices", "vertex_index")
 STL_FACE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 FREESURFER = (".orig", ".white", ".pial", ".inflated", ".smoothwm", ".sphere", ".midthickness")
+# lh.pial, and what FreeSurfer adds to that: lh.pial.T1, rh.white.preaparc, lh.sphere.reg
+FREESURFER_NAME = re.compile(rf"(?:.*\.)?[lr]h({'|'.join(map(re.escape, FREESURFER))})(?:\..+)?")
+FREESURFER_VALUES = re.compile(
+    r"(?:.*[./])?[lr]h\.(area|avg_curv|curv|jacobian_white|sulc|thickness|volume)(\..+)?",
+    re.IGNORECASE,
+)
+# The first bytes of its files (FreeSurfer, include/mrisurf.h): of old quads and of values the same
+TRIANGLES, QUADS, OLD_QUADS = b"\xff\xff\xfe", b"\xff\xff\xfd", b"\xff\xff\xff"
+VALUES_ALONE = "values at vertices, and no triangles: give the surface, such as lh.white"
 GZIP = ".gz"
 PLY_END = re.compile(rb"[\r\n][ \t]*end_header[ \t]*(\r?\n|\r)")  # a line of its own, no comment
 OFF_COLUMNS = 12  # of a vertex, at most: position, normal, colour, texture; more than of a colour
@@ -140,16 +149,30 @@ def kind_of(name: str) -> str | None:
 
     Examples
     --------
-    >>> kind_of("Bunny.PLY.gz"), kind_of("lh.pial"), kind_of("paper.pdf")
+    >>> kind_of("Bunny.PLY.gz"), kind_of("lh.pial.T1"), kind_of("paper.pdf")
     ('.ply.gz', '.pial', None)
     """
     lower = name.lower()
     zipped = GZIP if lower.endswith(GZIP) else ""
-    stem, dot, suffix = lower.removesuffix(zipped).rpartition(".")
-    suffix = dot + suffix
-    if suffix in FREESURFER and not re.fullmatch(r"(.*\.)?[lr]h", stem):
-        return None
-    return suffix + zipped if suffix in READERS else None
+    lower = lower.removesuffix(zipped)
+    suffix = f".{lower.rpartition('.')[2]}" if "." in lower else ""
+    if suffix in READERS and suffix not in FREESURFER:
+        return suffix + zipped
+    surface = FREESURFER_NAME.fullmatch(lower)
+    return None if surface is None else surface[1] + zipped
+
+
+def no_mesh(name: str) -> str:
+    """Return what to say of a file that is no mesh by its name, or its path's.
+
+    Examples
+    --------
+    >>> no_mesh("paper.pdf").startswith("paper.pdf is none of .obj, .off, ")
+    True
+    """
+    if FREESURFER_VALUES.fullmatch(name):
+        return f"{name} has {VALUES_ALONE}"
+    return f"{name} is none of {', '.join(SUFFIXES)}"
 
 
 def _without_faces(count: int) -> UnreadableError:
@@ -520,9 +543,11 @@ def _gifti_rows(data: NDArray[Any] | None, what: str, kinds: str) -> NDArray[Any
 
 def read_freesurfer(content: bytes) -> Triangles:
     """Read a triangle surface of FreeSurfer: a magic number, a line, counts, points, triangles."""
+    if not content.startswith(TRIANGLES):
+        raise UnreadableError(_other_freesurfer(content))
     end = content.find(b"\n\n")
-    if not content.startswith(b"\xff\xff\xfe") or end < 0:
-        raise UnreadableError("it does not begin as a triangle surface of FreeSurfer does")
+    if end < 0:
+        raise UnreadableError(f"cut off: {len(content):,} bytes, and no number of vertices")
     start = end + 2
     n, m = (
         int(count) for count in np.frombuffer(content[start : start + 8].ljust(8, b"\0"), ">i4")
@@ -533,6 +558,26 @@ def read_freesurfer(content: bytes) -> Triangles:
     vertices = np.frombuffer(content[start + 8 : middle], ">f4").astype(np.float64).reshape(-1, 3)
     faces = np.frombuffer(content[middle:last], ">i4").astype(np.int64)
     return _cut(vertices, faces, np.full(m, 3), np.arange(m), "triangle")
+
+
+def _other_freesurfer(content: bytes) -> str:
+    """Return what a file is that FreeSurfer's surfaces are named like, and what helps.
+
+    Files of values have the first bytes of old quads. Their sizes differ: 3 bytes, then three
+    numbers of 4 and the values of 4; or 3 bytes, two numbers of 3, then 6 a vertex and 12 a quad.
+    """
+    head = content[3:15].ljust(12, b"\0")
+    values, _, columns = (int.from_bytes(head[i : i + 4], "big") for i in (0, 4, 8))
+    n, m = (int.from_bytes(head[i : i + 3], "big") for i in (0, 3))
+    old = content.startswith(OLD_QUADS)
+    if old and len(content) == 15 + 4 * values * columns:
+        return f"it has {VALUES_ALONE}"
+    if content.startswith(QUADS) or (old and len(content) >= 9 + 6 * n + 12 * m):
+        return (
+            "a FreeSurfer surface of quads: convert it into triangles, as by "
+            "`mris_convert lh.orig lh.orig.gii`"
+        )
+    return "it does not begin as a triangle surface of FreeSurfer does"
 
 
 READERS: dict[str, Callable[[bytes], Triangles]] = {

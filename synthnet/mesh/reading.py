@@ -19,7 +19,7 @@ import numpy as np
 
 from synthnet.errors import MissingPackageError, SynthNetError
 from synthnet.mesh import formats
-from synthnet.mesh.formats import SUFFIXES, Triangles, UnreadableError, kind_of
+from synthnet.mesh.formats import Triangles, UnreadableError, kind_of, no_mesh
 from synthnet.processes import follow_parent
 from synthnet.types import Mesh
 
@@ -80,7 +80,7 @@ class Reader:
         bytes are not those of ``sha256``.
         """
         if kind_of(path.name) is None:
-            raise UnreadableError(f"{path.name} is none of {', '.join(SUFFIXES)}")
+            raise UnreadableError(no_mesh(path.name))
         request = json.dumps([str(path), sha256]).encode()
         for _ in range(2):
             try:

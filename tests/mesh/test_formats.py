@@ -440,12 +440,68 @@ def test_freesurfer(tmp_path):
     assert "cut off" in refused(whole[: end - 1], ".pial")
 
 
+def freesurfer(kind):
+    """A square as FreeSurfer's old or new quads; values at its corners; a thousand values."""
+    quads = np.array([0, 1, 2, 3], ">i4").view("u1").reshape(4, 4)[:, 1:].tobytes()
+    points = np.array(POINTS.split(), float)
+    return {
+        "old quads": bytes([255, 255, 255, 0, 0, 4, 0, 0, 1])
+        + (100 * points).astype(">i2").tobytes()
+        + quads,
+        "quads": bytes([255, 255, 253, 0, 0, 4, 0, 0, 1]) + points.astype(">f4").tobytes() + quads,
+        "values": bytes(3 * [255]) + np.array([4, 2, 1, 0, 0, 0, 0], ">i4").tobytes(),
+        "more values": bytes(3 * [255]) + np.array([1000, 1996, 1] + 1000 * [0], ">i4").tobytes(),
+    }[kind]
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("quads", "a FreeSurfer surface of quads: convert it into triangles, as by `mris_convert"),
+        ("old quads", "a FreeSurfer surface of quads: convert it into triangles, as by `mris_con"),
+        ("values", "it has values at vertices, and no triangles: give the surface, such as lh.w"),
+        ("more values", "it has values at vertices, and no triangles: give the surface, such as"),
+    ],
+)
+def test_freesurfer_s_other_files_are_named(kind, message, tmp_path):
+    nibabel = pytest.importorskip("nibabel")
+    path = tmp_path / "lh.orig"
+    path.write_bytes(freesurfer(kind))
+    if "quads" in kind:  # they are what we call them
+        points, faces = nibabel.freesurfer.read_geometry(path)
+        np.testing.assert_allclose(points.ravel(), np.array(POINTS.split(), float))
+        assert len(faces) == 2
+    else:
+        assert not nibabel.freesurfer.read_morph_data(path).any()
+    assert refused(path.read_bytes(), ".orig").startswith(message)
+
+
+@pytest.mark.parametrize("start", [b"\xff\xff\xff", b"\xff\xff\xff" + bytes([0, 0, 9, 0, 0, 9, 0])])
+def test_what_may_be_quads_or_values_cut_off_is_called_neither(start):
+    assert refused(start, ".white") == "it does not begin as a triangle surface of FreeSurfer does"
+
+
+def test_a_freesurfer_surface_without_counts_is_cut_off():
+    assert refused(b"\xff\xff\xfecreated by", ".white").startswith("cut off: 13 bytes, and no numb")
+
+
+@pytest.mark.parametrize("name", ["lh.curv", "scans/sub-01.RH.thickness.gz", "lh.area.pial"])
+def test_values_at_vertices_are_named_by_the_name_of_their_file(name):
+    assert formats.kind_of(name.rpartition("/")[2]) is None
+    message = "has values at vertices, and no triangles: give the surface, such as lh.white"
+    assert formats.no_mesh(name) == f"{name} {message}"
+
+
 @pytest.mark.parametrize(
     ("name", "kind"),
     [
         *(("a.OBJ", ".obj"), ("a.stl.GZ", ".stl.gz"), ("lh.pial", ".pial"), ("a.gii", ".gii")),
         *(("sub-01.rh.white.gz", ".white.gz"), ("paper.white", None), ("a.txt", None)),
         *(("obj", None), ("a.gz", None), ("lh.curv", None)),
+        *(("lh.pial.T1", ".pial"), ("rh.white.preaparc", ".white"), ("LH.sphere.reg", ".sphere")),
+        *(("lh.white.preaparc.H", ".white"), ("sub.rh.orig.nofix.gz", ".orig.gz")),
+        *(("lh.pial.surf.gii", ".gii"), ("lh.white.obj.gz", ".obj.gz"), ("h.pial.T1", None)),
+        *(("lh.pial_lgi", None), ("lhpial.T1", None), ("lh.area.pial", None), ("lh.pial.", None)),
     ],
 )
 def test_kinds_of_files(name, kind):
