@@ -6,9 +6,23 @@ smaller mesh. Only OBJ declares nothing, so of an OBJ file a cut between two lin
 nor can one within the digits of the very last number of any text. Colours, normals, texture
 coordinates, materials and groups are passed over, and no other file is opened.
 
-These readers are our own because others forgive: they drop lines and faces that they do not
-understand, and read what is left of a file that was cut off. GIfTI is XML with a table of arrays,
-which nibabel reads whole or not at all.
+Trimesh reads four of these formats, and forgives what is refused here; a table in
+``tests/mesh/test_formats.py`` holds each of these against it:
+
+==========  ========================================================================================
+format      why its reader is our own
+==========  ========================================================================================
+OBJ         trimesh drops lines that it does not know, and faces of two corners; where one vertex
+            has two numbers, it drops the third of all
+OFF         trimesh takes fewer faces, or more, than the header declares; where that declares too
+            many vertices, the first faces become vertices
+PLY         of text trimesh takes fewer rows or more, too; of binary files, corners that are no
+            vertices, and no polygons of several sizes
+STL         trimesh takes text and binary files that are cut off for others, which are empty
+FreeSurfer  trimesh has no reader; that of nibabel takes corners that are no vertices, and makes
+            triangles of quads by a rule of its own
+GIfTI       by nibabel, which reads its table of arrays whole or not at all: trimesh has no reader
+==========  ========================================================================================
 
 Polygons are cut into triangles by :mod:`synthnet.mesh.polygons`.
 """

@@ -2,6 +2,7 @@
 
 import codecs
 import gzip
+import io
 
 import numpy as np
 import pytest
@@ -352,6 +353,49 @@ def test_binary_stl_may_begin_with_solid():
 )
 def test_what_is_no_mesh_is_refused(kind, text, message):
     assert message in refused(text, kind)
+
+
+SQUARE = f"{PLY}{POINTS}3 0 1 2\n".replace("face 1", "face 2")
+BAD_CORNER = content("binary.ply")[:-4] + (99).to_bytes(4, "little")
+# What is wrong: the format, a file, how many faces trimesh makes of it, why it is refused here.
+FORGIVEN = {
+    "a line of no keyword": (".obj", VERTICES + "f 1 2 3\nff 1 3 4\n", 1, "'ff' begins no line"),
+    "a face of two corners": (".obj", VERTICES + "f 1 2 3\nf 1 3\n", 1, "a face of 2 corners"),
+    "a vertex of two numbers": (".obj", VERTICES + "v 1 0\nf 1 2 3\n", 1, "no three numbers"),
+    "a face too few": (".off", f"OFF\n4 2 0\n{POINTS}3 0 1 2\n", 1, "cut off: 1 of 2 faces"),
+    "a face too many": (".off", f"OFF\n4 1 0\n{POINTS}3 0 1 2\n3 0 2 3\n", 1, "it comes after"),
+    "a vertex too few": (".off", f"OFF\n5 2 0\n{POINTS}3 0 1 2\n3 0 2 3\n", 1, "cut off: 1 of 2"),
+    "a row too few": (".ply", SQUARE, 1, "cut off: 1 of 2 faces"),
+    "a row cut off": (".ply", f"{SQUARE}3 0 2\n", 1, "cut off: 1 of 2 faces, line 15 ends early"),
+    "a row too many": (".ply", f"{SQUARE}3 0 2 3\n3 0 1 3\n", 2, "it comes after all"),
+    "values too many": (".ply", f"{SQUARE}3 0 2 3 9 9\n", 2, "line 15: 6 values instead of 4"),
+    "a corner of no vertex": (".ply", BAD_CORNER, 80, "face 80: a corner is none of the 42"),
+    "text cut off": (".stl", f"solid\n{FACET}", 0, "cut off: 0 of 1 solids"),
+    "bytes cut off": (".stl", content("binary.stl")[:-10], 0, "cut off: 79 of 80 faces"),
+}
+
+
+@pytest.mark.parametrize("wrong", FORGIVEN)
+def test_what_trimesh_forgives_is_refused(wrong):
+    """As long as this holds, our own readers have their reason."""
+    kind, text, faces, message = FORGIVEN[wrong]
+    whole = text if isinstance(text, bytes) else text.encode()
+    loaded = trimesh.load(io.BytesIO(whole), file_type=kind[1:], process=False, force="mesh")
+    assert len(loaded.faces) == faces
+    assert message in refused(whole, kind)
+
+
+def test_every_reader_of_a_format_that_trimesh_has_is_stricter():
+    by_trimesh = {kind for kind in formats.READERS if kind[1:] in trimesh.available_formats()}
+    assert {kind for kind, *_ in FORGIVEN.values()} == by_trimesh
+
+
+def test_freesurfer_s_corners_are_checked_which_nibabel_takes(tmp_path):
+    freesurfer = pytest.importorskip("nibabel").freesurfer
+    path = tmp_path / "lh.pial"
+    freesurfer.write_geometry(path, SPHERE.vertices, np.append(SPHERE.faces, [[0, 1, 99]], axis=0))
+    assert freesurfer.read_geometry(path)[1].max() == 99
+    assert refused(path.read_bytes(), ".pial") == "triangle 80: a corner is none of the 42 vertices"
 
 
 def test_lines_of_obj_that_go_on_are_joined():
