@@ -24,7 +24,8 @@ from synthnet.mesh.geometry import MeshFacts
 from synthnet.mesh.reading import Reader
 from synthnet.mesh.repair import Refused, Repaired, welded
 from synthnet.spectrum import Operator, certify, compute, discretise, repaired
-from synthnet.spectrum.operators import BOUNDARIES, JOINED, MASSES, SHARES
+from synthnet.spectrum.operators import BOUNDARIES, MASSES, SHARES
+from synthnet.spectrum.sheets import JOINED, PARTED
 from synthnet.store.files import make_parent, write_text
 from synthnet.terminal import Commands, print_json
 from synthnet.types import Mesh, Spectrum
@@ -303,6 +304,7 @@ def _by_options(warned: list[warnings.WarningMessage]) -> tuple[str, ...]:
     return tuple(
         str(warning.message)
         .replace(JOINED, "without --no-repair they are joined")
+        .replace(PARTED, "without --no-repair they are parted")
         .replace('Operator(elements="tufted")', "--elements tufted")
         for warning in warned
     )

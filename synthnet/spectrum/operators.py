@@ -11,7 +11,6 @@ Forum 39 (2020): the tufted cover. M. Reuter, F.-E. Wolter, N. Peinecke, "Laplac
 as 'Shape-DNA' of surfaces and solids", Computer-Aided Design 38 (2006): quadratic elements.
 """
 
-import warnings
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
@@ -20,15 +19,14 @@ import numpy as np
 from scipy import sparse
 
 from synthnet.errors import needed_by
-from synthnet.mesh.adjacency import edge_keys
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.spectrum import bending, curved, delaunay, fem
 from synthnet.spectrum.arrays import Booleans, Floats, Int64s
 from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.sheets import warn_of_sheets
 from synthnet.types import Mesh
 
 BOUNDARIES = ("neumann", "dirichlet")
-JOINED = "repair=True joins equal corners"  # the end of a warning
 SHARES = {"consistent": 1.0, "mean": 0.5, "lumped": 0.0}  # of the consistent mass in each
 MASSES = {
     "linear": tuple(SHARES),
@@ -206,9 +204,9 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     check_operator(operator)
     fem.check_used(mesh)
     n = len(mesh.vertices)
-    if operator.elements in ("linear", "quadratic", "curved"):
-        _warn_of_sheets(mesh)
     matrices, condition = _assembled(mesh, operator)
+    if operator.elements != "tufted":
+        warn_of_sheets(mesh)
     entries = None
     if operator.elements != "linear":
         rows = np.repeat(np.arange(len(matrices.lumped)), np.diff(matrices.indptr))
@@ -342,29 +340,6 @@ def _tufted(mesh: Mesh) -> Matrices:
         lumped,
         least=1.0,
     )
-
-
-def _warn_of_sheets(mesh: Mesh) -> None:
-    """Warn of edges of more than two faces, and of faces that share no vertex.
-
-    The problem is well posed then, but it is that of no surface.
-    """
-    corners = mesh.faces.size
-    if len(mesh.vertices) >= corners > 3 and np.bincount(mesh.faces.ravel()).max() == 1:
-        warnings.warn(
-            f"no two of the {len(mesh.faces)} faces share a vertex, as in an STL file: each is a "
-            f"component by itself; {JOINED}",
-            stacklevel=4,
-        )
-    keys = np.sort(edge_keys(mesh.faces))
-    many = len(np.unique(keys[2:][keys[2:] == keys[:-2]]))
-    if many:
-        warnings.warn(
-            f"{many} edges have more than two faces: eigenfunctions are those of all sheets joined "
-            "there, which is no surface; `synthnet import` cuts where sheets are clearly pairs, "
-            'Operator(elements="tufted") takes the mesh as it is',
-            stacklevel=4,
-        )
 
 
 def _held(boundary: str | Booleans, mesh: Mesh) -> tuple[Booleans, Booleans]:

@@ -138,6 +138,9 @@ def compute(
         If rounding on thin triangles may have moved an eigenvalue by more than a hundredth of it,
         by its ``certificate.error_bound``: ``sharp`` is for such meshes. On a mesh whose triangles
         are too thin for that as well, sharp values come with the same warning.
+    UserWarning
+        If the mesh is no surface, or looks like another than it is: see
+        :mod:`synthnet.spectrum.sheets`. Of several components ``spectrum.components`` says it.
 
     References
     ----------

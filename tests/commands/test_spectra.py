@@ -265,6 +265,9 @@ def test_warnings_name_options(run, files, tmp_path):
         _, _, err = run(*words, "--no-repair")
         assert "is a component by itself; without --no-repair they are joined\n" in err
         assert "UserWarning" not in err
+    (tmp_path / "fans.obj").write_text(FLAT + "v 2 1 0\nv 2 2 0\nf 4 5 6\n")
+    _, _, err = run("spectrum", tmp_path / "fans.obj", "-k", 1, "--no-repair")
+    assert err.endswith("which is no surface; without --no-repair they are parted\n")
     book().export(tmp_path / "book.off")
     _, _, err = run("certify", tmp_path / "book.off", answer, "--no-repair")
     assert err.startswith(f"synthnet: {tmp_path / 'book.off'}: 4 edges have more than two faces")

@@ -124,7 +124,7 @@ def test_vertices_without_a_triangle(data):
 def test_components_are_counted(data):
     parts = data.draw(st.lists(meshes(), min_size=2, max_size=3))
     k = data.draw(st.integers(1, 6))
-    result = compute(side_by_side(*parts, apart=0.0), k)
+    result = compute(side_by_side(*parts, apart=1.0), k)
     each = [compute(part, min(k, len(part.vertices) - 1)).eigenvalues for part in parts]
     assert result.components == len(parts)
     np.testing.assert_allclose(result.eigenvalues, np.sort(np.concatenate(each))[:k], rtol=1e-9)

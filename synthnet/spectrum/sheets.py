@@ -1,0 +1,121 @@
+"""Meshes whose operator is not that of the surface they look like: said in warnings.
+
+The problem is well posed on each of them, and is solved as it stands. Several components are no
+such case: :class:`synthnet.types.Spectrum` says how many there are, and leaves out their zeros.
+But where sheets are only meant to be one surface, or one point holds two of them together, the
+eigenvalues are of something else.
+"""
+
+import warnings
+
+import numpy as np
+
+from synthnet.errors import counted
+from synthnet.kernels import kernel
+from synthnet.spectrum import fem
+from synthnet.spectrum.arrays import Floats, Int32s
+from synthnet.types import Mesh
+
+JOINED = "repair=True joins equal corners"  # the ends of warnings
+PARTED = "repair=True parts them"
+CALLER = 5  # the line that called compute, from one of warn_of_sheets
+
+
+def warn_of_sheets(mesh: Mesh) -> None:
+    """Warn of faces that share no vertex, of slits, of edges of many faces, and of pinches."""
+    vertices, faces = fem.as_arrays(mesh)
+    many, pinched, rims = edges_and_fans(faces, len(vertices))
+    if len(vertices) == faces.size > 3:
+        warnings.warn(
+            f"no two of the {len(faces)} faces share a vertex, as in an STL file: each is a "
+            f"component by itself; {JOINED}",
+            stacklevel=CALLER,
+        )
+    elif slit := slits(vertices, rims):
+        warnings.warn(
+            f"the surface is slit: {counted(slit, 'pair')} of edges with one face are at the same "
+            f"position, and not joined; {JOINED}",
+            stacklevel=CALLER,
+        )
+    if many:
+        warnings.warn(
+            f"{many} edges have more than two faces: eigenfunctions are those of all sheets joined "
+            "there, which is no surface; `synthnet import` cuts where sheets are clearly pairs, "
+            'Operator(elements="tufted") takes the mesh as it is',
+            stacklevel=CALLER,
+        )
+    elif pinched:
+        warnings.warn(
+            f"{counted(pinched, 'vertex joins', 'vertices join')} sheets that share no edge there: "
+            "eigenfunctions are those of sheets that touch in a point, which is no "
+            f"surface; {PARTED}",
+            stacklevel=CALLER,
+        )
+
+
+@kernel
+def edges_and_fans(faces: Int32s, n: int) -> tuple[int, int, Int32s]:
+    """Count edges of more than two faces, and vertices where several fans of faces meet.
+
+    Parameters
+    ----------
+    faces : ndarray of shape (m, 3), int32
+        Of n vertices.
+
+    Returns
+    -------
+    many, pinched : int
+        How many edges have more than two faces; at how many vertices the faces are not all
+        connected by edges there.
+    rims : ndarray of shape (e, 2), int32
+        The ends of each edge of one face.
+    """
+    start, corners = fem.grouped(faces.ravel(), n)
+    seen, valence, parent = np.full(n, -1, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
+    rims = np.empty((3 * faces.shape[0], 2), np.int32)
+    many = pinched = count = 0
+    for v in range(n):
+        fans = 0
+        for p in range(start[v], start[v + 1]):
+            f, c = corners[p] // 3, corners[p] % 3
+            ends = faces[f, (c + 1) % 3], faces[f, (c + 2) % 3]
+            for j in ends:
+                if seen[j] != v:
+                    seen[j], valence[j], parent[j] = v, 0, j
+                    fans += 1
+                valence[j] += 1
+            a, b = ends
+            while parent[a] != a:
+                parent[a] = parent[parent[a]]
+                a = parent[a]
+            while parent[b] != b:
+                parent[b] = parent[parent[b]]
+                b = parent[b]
+            if a != b:
+                parent[a] = b
+                fans -= 1
+        pinched += fans > 1
+        for p in range(start[v], start[v + 1]):
+            f, c = corners[p] // 3, corners[p] % 3
+            for j in (faces[f, (c + 1) % 3], faces[f, (c + 2) % 3]):
+                if j > v and valence[j] == 1:
+                    rims[count, 0], rims[count, 1] = v, j
+                    count += 1
+                many += j > v and valence[j] > 2
+                valence[j] = 0
+    return many, pinched, rims[:count]
+
+
+def slits(vertices: Floats, rims: Int32s) -> int:
+    """Return how many pairs of edges of one face, ends (e, 2), are at the same position.
+
+    Where three are, they are no slit: joined, they would be no surface.
+    """
+    if not len(rims):
+        return 0
+    ends, number = np.unique(rims, return_inverse=True)
+    position = np.unique(vertices[ends], axis=0, return_inverse=True)[1].ravel()
+    if position.max() + 1 == len(ends):
+        return 0
+    edges = np.sort(position[number.reshape(-1, 2)], axis=1)
+    return int((np.unique(edges, axis=0, return_counts=True)[1] == 2).sum())
