@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from synthnet.errors import SynthNetError
 
 FLAT = 1e-9  # altitude / longest edge of an ear that has no area to speak of
+DEEP = (
+    1e-6  # of a polygon's size: how far sides that cross reach beyond each other; float32 has 6e-8
+)
 
 
 class PolygonError(SynthNetError):
@@ -52,8 +55,8 @@ def triangles(
     Raises
     ------
     PolygonError
-        If a corner is no vertex, or a polygon crosses itself. Polygons that name a vertex twice
-        are fans, whatever their shape, but for those that have no such fan.
+        If a corner is no vertex, or a polygon crosses itself, seen along its normal. Polygons that
+        name a vertex twice are fans, whatever their shape, but for those that have no such fan.
 
     Examples
     --------
@@ -76,7 +79,14 @@ def triangles(
     several = (many[polygon] > 1) & (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     if not several.any():
         return faces, 0
-    turned = np.unique(polygon[several][_turned(vertices[faces[several]], polygon[several])])
+    wedges, of = vertices[faces[several]], polygon[several]
+    turned = np.unique(of[_turned(wedges, of)])
+    doubtful = np.union1d(turned, _wide(wedges, of))
+    for i in doubtful[sizes[doubtful] > 4].tolist():  # one of four has no ears then
+        if _crosses(_in_plane(vertices[corners[begins[i] : begins[i] + sizes[i]]])):
+            raise PolygonError(
+                int(numbers[i]), "a polygon that crosses itself: save it as triangles"
+            )
     for i in turned.tolist():
         here = corners[begins[i] : begins[i] + sizes[i]]
         faces[starts[i] : starts[i] + many[i]] = here[_ears(vertices[here], int(numbers[i]))]
@@ -91,6 +101,46 @@ def _turned(corners: NDArray[np.float64], polygon: NDArray[np.int64]) -> NDArray
         whole = np.stack([np.bincount(polygon, n) for n in normals.T], axis=1)
         facing: NDArray[np.float64] = np.einsum("ij,ij->i", normals, whole[polygon])
     return facing <= 0
+
+
+def _wide(corners: NDArray[np.float64], polygon: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the polygons whose fans open by more than half a turn, from corners (t, 3, 3).
+
+    One that does not, and does not turn, cannot cross itself: its corners come one after the other
+    around the first, as those of all convex polygons do.
+    """
+    a, b, c = np.moveaxis(corners, 1, 0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        sines = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        angles = np.arctan2(sines, np.einsum("ij,ij->i", b - a, c - a))
+    return np.flatnonzero(np.bincount(polygon, angles) > np.pi)
+
+
+def _crosses(flat: NDArray[np.float64]) -> bool:
+    """Return whether two sides of a polygon of corners (c, 2) cross, and not only touch."""
+    ends = np.roll(flat, -1, axis=0)
+    least = DEEP * np.linalg.norm(np.ptp(flat, axis=0))
+    for i in range(len(flat) - 2):
+        a, b, c, d = flat[i], ends[i], flat[i + 2 :], ends[i + 2 :]
+        if (_beside(a, b, c, d, least) & _beside(c, d, a, b, least)).any():
+            return True
+    return False
+
+
+def _beside(
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    first: NDArray[np.float64],
+    second: NDArray[np.float64],
+    least: np.floating,
+) -> NDArray[np.bool_]:
+    """Return whether two points lie on either side of a line, each so far from it at the least."""
+    side = end - start
+    with np.errstate(invalid="ignore", divide="ignore"):
+        length = np.linalg.norm(side, axis=-1)
+        one, other = (_cross(side, point - start) / length for point in (first, second))
+    apart: NDArray[np.bool_] = (one * other < 0) & (np.minimum(abs(one), abs(other)) > least)
+    return apart
 
 
 def _ears(points: NDArray[np.float64], number: int) -> NDArray[np.int64]:

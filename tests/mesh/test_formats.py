@@ -197,6 +197,64 @@ def test_a_polygon_that_crosses_itself_is_refused():
     assert message == "line 6: a polygon that crosses itself or has no area"
 
 
+# They cross themselves, though all triangles of the fan, or of ears, face one way.
+CROSSING = {
+    "fan": [(2, 3), (4, 5), (1, 3), (4, 1), (2, 5)],
+    "ears": [(1, 4), (4, 3), (2, 2), (5, 4), (2, 0)],
+    "spiral": [(0, 0), (1, 0), (0, 1), (-1.2, 0), (0, -1.4), (1.6, 0.1), (-0.1, 1.8)],
+}
+
+
+def polygon(points, tilt):
+    """OBJ text of one polygon, turned about the x-axis."""
+    text = "".join(f"v {x} {y * np.cos(tilt)} {y * np.sin(tilt)}\n" for x, y in points)
+    return text + "f " + " ".join(map(str, range(1, len(points) + 1)))
+
+
+@pytest.mark.parametrize("name", CROSSING)
+@pytest.mark.parametrize("tilt", [0.0, 1.0])
+def test_a_polygon_that_crosses_itself_is_refused_though_it_could_be_cut(name, tilt):
+    points = CROSSING[name]
+    assert refused(polygon(points, tilt), ".obj") == (
+        f"line {len(points) + 1}: a polygon that crosses itself: save it as triangles"
+    )
+
+
+def test_a_polygon_is_refused_if_and_only_if_it_crosses_itself():
+    """Random ones, against every two of their sides, as exact integers."""
+    rng, outcomes = np.random.default_rng(0), set()
+    for _ in range(400):
+        points = rng.integers(0, 10**6, (int(rng.integers(4, 8)), 2))
+        sides = [(points[i - 1], points[i]) for i in range(len(points))]
+        crosses = any(beside(*a, *b) and beside(*b, *a) for a in sides for b in sides)
+        if crosses:
+            assert "a polygon that crosses itself" in refused(polygon(points, 0.0), ".obj")
+        else:
+            assert len(faces_of(polygon(points, 0.0))) == len(points) - 2
+        outcomes.add(crosses)
+    assert outcomes == {True, False}
+
+
+def beside(start, end, first, second):
+    """Whether two points of whole numbers lie on either side of a line."""
+    (a, b), (c, d) = start.tolist(), end.tolist()
+    one, other = ((c - a) * (y - b) - (d - b) * (x - a) for x, y in (first, second))
+    return (one > 0 > other) or (one < 0 < other)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        # A square with a square hole, joined to its rim by a side that is there twice.
+        [(0, 0), (9, 0), (9, 9), (0, 9), (0, 0), (3, 3), (3, 6), (6, 6), (6, 3), (3, 3)],
+        # A corner that touches another side, but for rounding
+        [(0, 0), (2, 0), (2, 2), (1, 1e-7), (0, 2)],
+    ],
+)
+def test_a_polygon_that_touches_itself_is_cut(points):
+    assert len(faces_of(polygon(points, 0.0))) == len(points) - 2
+
+
 def test_arrow_is_cut_from_its_inner_corner_or_its_tip():
     text = "v 0 0 0\nv 2 0 0\nv 1 .5 0\nv 1 2 0\nf 3 4 1 2\nf 1 2 3 4\n"
     assert faces_of(text) == [[2, 3, 0], [2, 0, 1], *HALVES]
