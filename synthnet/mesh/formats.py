@@ -74,6 +74,9 @@ FREESURFER_VALUES = re.compile(
 )
 # The first bytes of its files (FreeSurfer, include/mrisurf.h): of old quads and of values the same
 TRIANGLES, QUADS, OLD_QUADS = b"\xff\xff\xfe", b"\xff\xff\xfd", b"\xff\xff\xff"
+LFS_POINTER = b"version https://git-lfs.github.com/spec/"  # git-lfs, docs/spec.md
+TEXTS = (".obj", ".off", ".ply", ".stl")  # XML may be UTF-16
+UTF_16 = re.compile(rb"(?s)\xff\xfe.\0|\xfe\xff\0")  # its mark, then a letter of ASCII
 VALUES_ALONE = "values at vertices, and no triangles: give the surface, such as lh.white"
 GZIP = ".gz"
 PLY_END = re.compile(rb"[\r\n][ \t]*end_header[ \t]*(\r?\n|\r)")  # a line of its own, no comment
@@ -152,6 +155,10 @@ def read(content: bytes, suffix: str) -> Triangles:
         content, suffix = _decompressed(content), suffix.removesuffix(GZIP)
     if not content.strip():
         raise UnreadableError("the file is empty")
+    if content.startswith(LFS_POINTER):
+        raise UnreadableError("a pointer of Git LFS in the place of the file: run `git lfs pull`")
+    if suffix in TEXTS and UTF_16.match(content):
+        raise UnreadableError("text in UTF-16: save it as UTF-8")
     triangles = READERS[suffix](content)
     if not len(triangles.faces):
         raise _without_faces(len(triangles.vertices))

@@ -272,9 +272,10 @@ def finite(state: Repaired) -> Repaired:
     bad = used & ~np.isfinite(state.mesh.vertices).all(axis=1)
     if bad.any():
         nan = int(np.isnan(state.mesh.vertices[bad]).any(axis=1).sum())
-        of_them = f", {nan} of them NaN" if nan else ", but infinite"
+        of_them = f", {nan} of them NaN" if nan else ", but infinite or too large for a number"
         first = f"the first is vertex {np.flatnonzero(bad)[0]}"
-        raise Refused("finite", f"{bad.sum()} vertices are not finite{of_them}, {first}")
+        many = counted(int(bad.sum()), "vertex is", "vertices are")
+        raise Refused("finite", f"{many} not finite{of_them}, {first}")
     vertices = np.where(used[:, None], state.mesh.vertices, 0.0)  # the others fall away below
     return replace(state, mesh=Mesh(vertices, state.mesh.faces))
 
@@ -282,9 +283,20 @@ def finite(state: Repaired) -> Repaired:
 def within_extent(state: Repaired) -> Repaired:
     """Refuse sizes that float32 cannot store or whose squares and areas have no float64."""
     diagonal, (least, most) = _diagonal(state.mesh), DIAGONALS
-    if not least <= diagonal <= most:
-        raise Refused("extent", f"the diagonal is {diagonal:g}, not between {least:g} and {most:g}")
-    return state
+    if least <= diagonal <= most:
+        return state
+    if diagonal == 0:
+        raise Refused("extent", "all its vertices are at the same position")
+    if diagonal < least:
+        raise Refused("extent", f"the diagonal is {diagonal:g}, below {least:g}: scale the mesh")
+    used = np.unique(state.mesh.faces)
+    sizes = np.abs(state.mesh.vertices[used]).max(axis=1)
+    size = "overflows" if np.isinf(diagonal) else f"is {diagonal:g}, above {most:g}"
+    raise Refused(
+        "extent",
+        f"the diagonal {size}: vertex {used[sizes.argmax()]} has a coordinate of "
+        f"{sizes.max():.3g}; scale the mesh",
+    )
 
 
 def merged(state: Repaired, *, alone: bool = False) -> Repaired:

@@ -104,7 +104,7 @@ def check(mesh: Mesh) -> None:
     Raises
     ------
     ValueError
-        If it is empty or a point cloud, not finite, or of a size that overflows.
+        If it is empty or a point cloud, not finite, in one point, or of a size that overflows.
     """
     points, (least, most) = mesh.vertices, SIZES
     if not len(mesh.faces):
@@ -121,6 +121,8 @@ def check(mesh: Mesh) -> None:
             f"the mesh is {extent:.3g} wide and has coordinates up to {size:.3g}: scale it to "
             f"between {least:g} and {most:g}, where areas and their squares have a float64"
         )
+    if extent == 0:
+        raise ValueError("all vertices are at the same position, so that no triangle has an area")
 
 
 def _arrays(given: Any) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -462,6 +462,27 @@ def test_lines_of_obj_that_go_on_are_joined():
     assert refused(text + "f 1 2 9\n", ".obj").startswith("line 10: ")
 
 
+@pytest.mark.parametrize("kind", [*formats.READERS, ".obj.gz"])
+def test_a_pointer_of_git_lfs_is_named(kind):
+    text = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n"
+    text = gzip.compress(text) if kind.endswith(".gz") else text
+    line = "a pointer of Git LFS in the place of the file: run `git lfs pull`"
+    assert refused(text, kind) == line
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize("name", [name for name in FORMATS if name.startswith("ascii")])
+def test_text_in_utf_16_is_named(name, encoding):
+    text = ("\ufeff" + content(name).decode()).encode(encoding)
+    assert refused(text, suffix(name)) == "text in UTF-16: save it as UTF-8"
+
+
+def test_gifti_may_be_utf_16_and_binary_stl_begin_with_its_mark():
+    assert "no GIfTI file: it is XML without" in refused("<a/>".encode("utf-16"), ".gii")
+    whole = b"\xff\xfe by a scanner".ljust(80) + content("binary.stl")[80:]
+    assert len(read(whole, ".stl").faces) == 80
+
+
 @pytest.mark.parametrize("name", FORMATS)
 def test_compressed_files_are_read_whole_or_not_at_all(name):
     whole = gzip.compress(content(name), mtime=0)

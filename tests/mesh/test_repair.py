@@ -386,16 +386,48 @@ def test_a_klein_bottle_that_passes_through_itself_stays_one_surface():
         (CUBE, np.zeros((0, 3), int), "no_faces"),
         (CUBE, [[0, 0, 1], [1, 2, 2]], "no_faces"),
         ([*CUBE[:7], [1, np.nan, 1]], FACES, "finite"),
-        (np.zeros((8, 3)), FACES, "extent"),
-        (1e31 * CUBE, FACES, "extent"),
-        (1e308 * CUBE - 1e308 * (1 - CUBE), FACES, "extent"),  # its diagonal overflows
-        (1e-31 * CUBE, FACES, "extent"),
         (CUBE, [*FACES, [0, 7, 1]], "non_manifold_edge"),
         (CUBE[:3], [[0, 1, 2]], "few_vertices"),
     ],
 )
 def test_what_no_rule_mends_is_refused(vertices, faces, reason):
     assert refused(vertices, np.asarray(faces)) == reason
+
+
+@pytest.mark.parametrize(
+    ("vertices", "detail"),
+    [
+        (np.full((8, 3), 7.0), "all its vertices are at the same position"),
+        (1e-31 * CUBE, "the diagonal is 1.73205e-31, below 1e-30: scale the mesh"),
+        (
+            np.where(np.arange(24).reshape(8, 3) == 4, 1e100, CUBE),
+            "the diagonal is 1e+100, above 1e+30: vertex 1 has a coordinate of 1e+100; scale the "
+            "mesh",
+        ),
+        (
+            1e308 * CUBE - 1e308 * (1 - CUBE),
+            "the diagonal overflows: vertex 0 has a coordinate of 1e+308; scale the mesh",
+        ),
+    ],
+)
+def test_a_size_that_will_not_do_is_said(vertices, detail):
+    with pytest.raises(repair.Refused) as error:
+        done([*vertices, [np.inf, 1e300, 0]], FACES)  # the last one is of no face
+    assert (error.value.reason, error.value.detail) == ("extent", detail)
+
+
+@pytest.mark.parametrize(
+    ("value", "count", "detail"),
+    [
+        (np.nan, 1, "1 vertex is not finite, 1 of them NaN, the first is vertex 7"),
+        (np.inf, 2, "2 vertices are not finite, but infinite or too large for a number, the first"),
+    ],
+)
+def test_coordinates_that_are_not_finite_are_counted(value, count, detail):
+    vertices = CUBE.copy()
+    vertices[8 - count :, 1] = value
+    with pytest.raises(repair.Refused, match=f"finite: {detail}"):
+        done(vertices, FACES)
 
 
 def test_unit_area():
