@@ -2,6 +2,7 @@
 
 import argparse
 from collections import Counter
+from pathlib import Path
 
 from tabulate import tabulate
 
@@ -10,6 +11,7 @@ from synthnet.build.importing import file_outcomes
 from synthnet.commands.options import add_command
 from synthnet.commands.report import family_table, summary
 from synthnet.errors import StoreError, counted
+from synthnet.mesh.formats import kind_of
 from synthnet.recipe import Kind
 from synthnet.store import limits, storage
 from synthnet.terminal import Commands, print_answer, print_json
@@ -70,15 +72,14 @@ def run(options: argparse.Namespace) -> int:
 def _outcome(dataset: store.StoredDataset, name: str) -> dict[str, str | int]:
     """Return what became of a file, by the name of the file or the id of its shape."""
     if dataset.kind is not Kind.IMPORTED:
+        if kind_of(Path(name).name) is not None:
+            raise StoreError(dataset.no_file(name))
         raise StoreError(f"{dataset.manifest.version} is no import: `synthnet show {name}`")
     id = dataset.id_of(name)
     for row in file_outcomes(dataset):
         if row["id"] == id:
             return row
-    raise StoreError(
-        f"no file {name!r} in {dataset.manifest.version}: "
-        f"`synthnet info {dataset.manifest.version} --ids` lists them"
-    )
+    raise StoreError(dataset.no_file(name))
 
 
 def _count_limits(dataset: store.StoredDataset) -> dict[str, int]:

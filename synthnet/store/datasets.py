@@ -14,6 +14,7 @@ import platformdirs
 
 from synthnet import recipe
 from synthnet.errors import StoreError, suggestion
+from synthnet.mesh.formats import kind_of
 from synthnet.recipe import Kind
 from synthnet.store import storage
 from synthnet.store.imports import OPTIONS, description_of
@@ -91,6 +92,8 @@ class StoredDataset:
             ids = read_table(path, ["id"])["id"].to_pylist()
             if id in ids:
                 return next(read_samples(path, slice(ids.index(id), ids.index(id) + 1)))
+        if family not in self.manifest.drawn and kind_of(Path(id).name) is not None:
+            raise StoreError(self.no_file(id))
         if family not in self.manifest.drawn:
             families = ", ".join(self.manifest.drawn)
             raise StoreError(
@@ -136,6 +139,16 @@ class StoredDataset:
             if matching:
                 return matching[0]
         return name
+
+    def no_file(self, name: str) -> str:
+        """Return that no shape is of this file, and what to do with it."""
+        version = self.manifest.version
+        if self.kind is Kind.IMPORTED:
+            return f"no file {name!r} in {version}: `synthnet info {version} --ids` lists them"
+        return (
+            f"{version} is no import, and has no file {name!r}: name yours by --dataset; `synthnet "
+            f"import` makes one, `synthnet spectrum {name}` takes the file alone"
+        )
 
     def ids(self, family: str | None = None) -> list[str]:
         """Return the ids of all shapes, or of those of a family."""

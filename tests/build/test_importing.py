@@ -388,8 +388,19 @@ def test_shapes_are_found_by_the_name_of_their_file(folder, imported, mine, run,
     assert json.loads(mine("info", "--shape", "c.obj", "--json"))["id"] == "my_meshes-00003"
     drawn = json.loads(mine("gallery", "c.obj", "--png", tmp_path / "c.png", "--json"))
     assert drawn["ids"] == ["my_meshes-00003"]
-    missing = run("info", "--shape", "none.obj", "--dataset", "mine", "--out", root)
-    assert "no file 'none.obj' in mine" in only_line(*missing)
+    for words in (["info", "--shape", "none.obj"], ["show", "none.obj"]):
+        missing = run(*words, "--dataset", "mine", "--out", root)
+        message = "synthnet: no file 'none.obj' in mine: `synthnet info mine --ids` lists them"
+        assert only_line(*missing) == message
+
+
+@pytest.mark.parametrize("words", [["show", "none.off"], ["info", "--shape", "none.off"]])
+def test_a_file_that_no_version_has_is_said(words, run, mini_home):
+    line = only_line(*run(*words, "--dataset", "1.0-mini", "--out", mini_home))
+    assert line == (
+        "synthnet: 1.0-mini is no import, and has no file 'none.off': name yours by --dataset; "
+        "`synthnet import` makes one, `synthnet spectrum none.off` takes the file alone"
+    )
 
 
 def test_a_largest_component_of_less_than_half_is_said(folder, run_import):
