@@ -16,6 +16,7 @@ from eigbench.scaling import results as scaling_results
 from eigbench.scoring.names import SURFACE, TARGETS
 from eigbench.scoring.truth import Truth
 from synthnet import recipe, store
+from synthnet.errors import RecipeError
 from synthnet.terminal import complete_with
 
 # PyTorch's, and JAX's gpu and tpu
@@ -145,7 +146,13 @@ def unpinned(name: str | None, root: Path | None) -> store.StoredDataset | None:
         raise EigbenchError(f"{name} holds no dataset (no manifest)")
     stored = store.open_unversioned(name, root)
     if stored is None:
-        recipe.load(name, known=store.known_names(root))
+        try:
+            recipe.load(name, known=store.known_names(root))
+        except RecipeError as error:
+            if name[:1].isdigit():  # no import has such a name
+                raise
+            message = f"{error}; no import {name} is in {store.home(root)}: --root names another"
+            raise EigbenchError(f"{message} directory") from error
     return stored
 
 

@@ -20,6 +20,7 @@ from eigbench.results.submission import Submission
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.names import SURFACE
+from synthnet import recipe
 from synthnet.store.files import make_directory, write_text
 from synthnet.terminal import print_answer, print_json
 
@@ -63,6 +64,7 @@ def compare(options: argparse.Namespace) -> int:
     """Print the paired differences of two results."""
     dataset = arguments.unpinned(options.dataset, options.root)
     _check_alike(options.a, options.b)
+    _check_named(options.dataset, options.a)
     with Console(stderr=True).status("comparing"):
         a, b = (
             arguments.beside(submission.read(path, predictions, dataset), options.target)
@@ -138,9 +140,17 @@ def _check_alike(a: Path, b: Path) -> None:
             )
 
 
+def _check_named(name: str | None, path: Path) -> None:
+    """Check that a result is of the version that --dataset names; the labels say it of others."""
+    if name in recipe.available():
+        submission.check_dataset(results.read(path), name, path)
+
+
 def plot(options: argparse.Namespace) -> int:
     """Draw the pictures of one or several results."""
     dataset = arguments.unpinned(options.dataset, options.root)
+    for path in options.results:
+        _check_named(options.dataset, path)
     with Console(stderr=True).status("drawing"):
         read = (submission.read(path, None, dataset) for path in options.results)
         unordered = [arguments.beside(row, options.target) for row in read]

@@ -20,6 +20,7 @@ from eigbench.results import predictions, sources
 from eigbench.scoring import scores, targets, truth
 from eigbench.scoring.metrics import METRIC_VERSION
 from eigbench.scoring.names import slug
+from eigbench.scoring.training import on_imports
 from eigbench.scoring.truth import Truth
 from synthnet import outside, recipe, store
 from synthnet.errors import OutsideError
@@ -160,7 +161,11 @@ def _truth(result: dict[str, Any], dataset: store.StoredDataset | None, path: Pa
     facts = result["dataset"]
     split, protocol = facts["split"], facts["protocol"]
     if dataset is not None:
-        labels = truth.of_dataset(dataset, split, protocol)
+        check_dataset(result, dataset.manifest.version, path)
+        if on_imports(protocol):
+            labels = truth.of_import(dataset, facts["version"])
+        else:
+            labels = truth.of_dataset(dataset, split, protocol)
     elif facts["version"] in recipe.available():
         labels = _pinned(facts["version"], split, protocol)
     elif scores.is_sealed(facts["version"]):
@@ -175,6 +180,24 @@ def _truth(result: dict[str, Any], dataset: store.StoredDataset | None, path: Pa
             "`submit` --dry-run"
         )
     return labels.head(facts["instances"]) if result["partial"] else labels
+
+
+def check_dataset(result: dict[str, Any], name: str, path: Path) -> None:
+    """Check that a result is of the dataset that was named, a version or an import that it tests.
+
+    Raises
+    ------
+    ResultError
+        If it is of another one.
+    """
+    of, protocol = result["dataset"]["version"], result["dataset"]["protocol"]
+    if on_imports(protocol) and name not in recipe.available():
+        of = protocol.partition("/")[2]
+    if name != of:
+        raise ResultError(
+            f"{path} is of the dataset {of}, not of {name}: give --dataset {of}, or leave it out "
+            "where its labels are pinned"
+        )
 
 
 @lru_cache(maxsize=8)

@@ -104,6 +104,7 @@ def test_score_prints_the_tables(printed, weyl):
         (["--dataset", "1.0"], "it is of 1.0-mini, test, grouped, not of 1.0, test, grouped"),
         (["--dataset", "1.0-mini", "--split", "train"], "not of 1.0-mini, train, grouped"),
         (["--dataset", "3.0"], "unknown version '3.0'"),
+        (["--dataset", "scans", "--root", "."], "no import scans is in .: --root names another"),
         (["--dataset", "1.0-mni"], "did you mean 1.0-mini?"),
         (["--dataset", "no/where"], "no/where holds no dataset (no manifest)"),
         (["--protocol", "gruoped"], "did you mean grouped?"),

@@ -3,11 +3,14 @@
 import copy
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import jsonschema
 import pytest
 from eigbench import results
 from eigbench.errors import ResultError
+from eigbench.results import submission
+from eigbench.scoring import truth
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.names import TARGETS
 
@@ -188,3 +191,32 @@ def test_schema_accepts_a_result_without_torch_installed(result):
     for name in ("torch", "torch-geometric"):
         result["environment"].pop(name, None)
     results.validate(result, HERE)
+
+
+@pytest.mark.parametrize(
+    ("version", "protocol", "named", "of"),
+    [
+        ("1.0-mini", "grouped", "scans", "1.0-mini"),
+        ("1.0-mini", "grouped", "1.0", "1.0-mini"),
+        ("scans", "grouped", "1.0-mini", "scans"),
+        ("2.0", "imported/real-28", "scans", "real-28"),
+        ("2.0", "imported/real-28", "1.0", "2.0"),
+    ],
+)
+def test_a_result_of_another_dataset_than_the_one_named_is_refused(version, protocol, named, of):
+    result = {"dataset": {"version": version, "protocol": protocol}}
+    message = rf"^a\.json is of the dataset {of}, not of {named}: give --dataset {of}, or leave it"
+    with pytest.raises(ResultError, match=message):
+        submission.check_dataset(result, named, Path("a.json"))
+
+
+@pytest.mark.parametrize("protocol", ["grouped", "imported/scans"])
+def test_a_result_on_an_import_has_the_labels_of_that(protocol, monkeypatch):
+    """Of the protocol that has its name too, which no dataset has by itself."""
+    dataset = SimpleNamespace(manifest=SimpleNamespace(version="scans"))
+    monkeypatch.setattr(truth, "of_import", lambda *given: given)
+    monkeypatch.setattr(truth, "of_dataset", lambda *given: given)
+    version = "scans" if protocol == "grouped" else "2.0"
+    facts = {"version": version, "split": "test", "protocol": protocol}
+    labels = submission._truth({"dataset": facts, "partial": False}, dataset, Path("a.json"))
+    assert labels == ((dataset, "test", "grouped") if protocol == "grouped" else (dataset, version))
