@@ -4,10 +4,15 @@ import math
 import numpy as np
 import pytest
 
+from evidence.thin_meshes import thin
+from synthnet import recipe
 from synthnet.build import filters
 from synthnet.build.filters import MESH_CHECKS, SPECTRUM_CHECKS, check_mesh, check_spectrum
+from synthnet.build.label import label_or_rejection
 from synthnet.recipe import FilterSettings
-from synthnet.types import Certificate, Mesh, Spectrum, Topology
+from synthnet.spectrum.operators import PLAIN
+from synthnet.spectrum.solve import unwarned
+from synthnet.types import Certificate, Mesh, ShapeSpec, Spectrum, Topology
 
 LIMITS = FilterSettings(altitude=1e-3, trivial=1e-6, residual=1e-5)
 CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -182,3 +187,13 @@ def test_trivial_eigenvalue_and_residual_may_be_at_the_limit(sign):
     limits = FilterSettings(altitude=0.0, trivial=0.25, residual=0.5)
     at_limit = spectrum_of(2.0, trivial=sign * 0.5, residual=0.5)
     assert check_spectrum(at_limit, limits) is None
+
+
+def test_a_mesh_that_is_too_thin_is_refused_for_that_and_not_for_the_residual_it_has():
+    mesh = thin(1e-8, "needles", seed=1)
+    drawn = recipe.load("2.0")
+    certificate = unwarned(mesh, 10, PLAIN, sharp=True).certificate
+    assert certificate.residual > drawn.filters.residual
+    spec = ShapeSpec("strip-00000", "strip", 0, {}, "")
+    refused = label_or_rejection(spec, mesh, drawn, sharp=True)
+    assert (refused.reason, "rounding" in refused.detail) == ("certificate", True)
