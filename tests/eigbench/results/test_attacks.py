@@ -146,10 +146,11 @@ def csv(head=HEAD, lines=20, more=""):
 
 
 def changed(source, **changes):
-    """A file of JSON with values at paths of keys changed."""
+    """A file of JSON with values at paths of keys changed, as its author hands it in."""
 
     def make(path):
         value = json.loads(source.read_text())
+        value.pop("verified", None)  # by a maintainer, who would see the change in its digest
         for keys, new in changes.items():
             *way, last = [int(k) if k.isdigit() else k for k in keys.split("__")]
             level = value
