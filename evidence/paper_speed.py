@@ -27,13 +27,13 @@ IN_BATCHES = ("LaPy,", "GCN,", "our certified solver,")  # how they begin in wha
 
 def claim(measured: dict) -> str:
     """Return how fast and how near the best such network is, beside LaPy and the paper's words."""
-    return " ".join(_sentences(measured))
+    return " ".join(_sentences(measured)[1:])
 
 
 def short(measured: dict) -> str:
     """Return the same without the paper's words and without large batches."""
-    question, _, speed, error, _ = _sentences(measured)
-    return f"{question} {speed} {error}"
+    _, _, speed, error, _ = _sentences(measured)
+    return f"{speed} {error}"
 
 
 def _sentences(measured: dict) -> list[str]:
