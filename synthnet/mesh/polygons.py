@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from synthnet.errors import SynthNetError
 
 FLAT = 1e-9  # altitude / longest edge of an ear that has no area to speak of
-DEEP = (
-    1e-6  # of a polygon's size: how far sides that cross reach beyond each other; float32 has 6e-8
-)
+# Of a polygon's size: how far sides that cross reach beyond each other. Rounding of float32 is 6e-8
+DEEP = 1e-6
 
 
 class PolygonError(SynthNetError):

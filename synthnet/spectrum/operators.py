@@ -21,7 +21,7 @@ from scipy import sparse
 from synthnet.errors import needed_by
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.spectrum import bending, curved, delaunay, fem
-from synthnet.spectrum.arrays import Booleans, Floats, Int64s
+from synthnet.spectrum.arrays import Booleans, Floats, Int32s, Int64s
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.sheets import warn_of_sheets
 from synthnet.types import Mesh
@@ -209,8 +209,7 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
         warn_of_sheets(mesh)
     entries = None
     if operator.elements != "linear":
-        rows = np.repeat(np.arange(len(matrices.lumped)), np.diff(matrices.indptr))
-        diagonal = matrices.stiffness[rows == matrices.indices]
+        diagonal = matrices.stiffness[_on_diagonal(matrices.indptr, matrices.indices)]
         entries = np.add.reduceat(diagonal[matrices.indices], matrices.indptr[:-1])
     if isinstance(operator.boundary, str) and operator.boundary == "neumann":
         return Discrete(matrices, None, n, condition, entries)
@@ -307,13 +306,18 @@ def as_sparse(matrices: Matrices) -> tuple[sparse.csc_matrix, sparse.csc_matrix]
     return stiffness, mass
 
 
+def _on_diagonal(indptr: Int32s, indices: Int32s) -> Booleans:
+    """Return which entries of a sparse matrix of compressed rows are on its diagonal."""
+    rows = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
+    return np.asarray(rows == indices)
+
+
 def _with_mass(matrices: Matrices, share: float) -> Matrices:
     """Return matrices of so much consistent and the rest lumped mass."""
     if share == 1:
         return matrices
-    rows = np.repeat(np.arange(len(matrices.lumped)), np.diff(matrices.indptr))
     mass = share * matrices.mass
-    mass[rows == matrices.indices] += (1 - share) * matrices.lumped
+    mass[_on_diagonal(matrices.indptr, matrices.indices)] += (1 - share) * matrices.lumped
     return matrices._replace(mass=mass, least=share * matrices.least + 1 - share)
 
 
@@ -331,12 +335,12 @@ def _tufted(mesh: Mesh) -> Matrices:
         raise ValueError("some vertex has no area even on the tufted cover: merge vertices first")
     whole = sparse.csr_array(laplacian + laplacian.T)
     whole.sort_indices()
-    rows = np.repeat(np.arange(len(lumped)), np.diff(whole.indptr))
+    diagonal = _on_diagonal(whole.indptr, whole.indices)
     return Matrices(
         whole.indptr.astype(np.int32),
         whole.indices.astype(np.int32),
         whole.data / 2,
-        np.where(rows == whole.indices, lumped[rows], 0.0),
+        np.where(diagonal, lumped[whole.indices], 0.0),
         lumped,
         least=1.0,
     )
