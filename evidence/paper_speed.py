@@ -27,12 +27,12 @@ IN_BATCHES = ("LaPy,", "GCN,", "our certified solver,")  # how they begin in wha
 
 def claim(measured: dict) -> str:
     """Return how fast and how near the best such network is, beside LaPy and the paper's words."""
-    return " ".join(_sentences(measured)[1:])
+    return " ".join(_sentences(measured))
 
 
 def short(measured: dict) -> str:
     """Return the same without the paper's words and without large batches."""
-    _, _, speed, error, _ = _sentences(measured)
+    _, speed, error, _ = _sentences(measured)
     return f"{speed} {error}"
 
 
@@ -74,7 +74,6 @@ def sentences(
     network, certified = (f"{lapy / other:.2g}" for other in others)
     solvers = dict.fromkeys(number(errors[solver]) for solver in (LAPY, AT_ITS_BEST))
     return [
-        "**Is a network faster than finite elements?**",
         f"The paper reports {theirs['GCN, a batch of 200 meshes']} s for 200 meshes by its network "
         f"and {theirs['LaPy, one mesh']} s for one by LaPy, each on a CPU.",
         f"Here, on one thread of one machine, with {cost['batch_size']} meshes of {VERSION} a "
