@@ -178,7 +178,8 @@ class Board:
         if row is None:
             return HeldOut(None)
         own = row.submission
-        mean, numbers = _mean(own, own.truth, key), row.scores["overall"][key]
+        numbers = row.scores["overall"][key]
+        mean = numbers["mean"]
         if not self.is_trained(model) or on_imports(protocol):
             return HeldOut(mean, numbers=numbers)
         seeds = min(len(own.predictions), len(model.predictions))
@@ -302,11 +303,16 @@ def title(protocol: str) -> str:
     return TITLES.get(protocol, protocol.replace("/", ": "))
 
 
+def _without_seeds(numbers: Mapping[str, float | None], key: str) -> str:
+    """Return a score ± half its interval: what brackets hold here is the drop."""
+    return with_uncertainty({**numbers, "seed_std": None}, key)
+
+
 def with_drop(held_out: HeldOut, key: str) -> str:
     """Return a score ± half its interval as text, and in brackets the drop."""
     if held_out.numbers is None:
         return NOT_RUN
-    text = with_uncertainty({**held_out.numbers, "seed_std": None}, key)
+    text = _without_seeds(held_out.numbers, key)
     if held_out.drop is None:
         return text
     return f"{text} ({signed(held_out.drop, key).removesuffix(' %')})"
@@ -330,7 +336,7 @@ def table(board: Board, key: str, marks: Marks) -> Group[Ranked]:
 
     def iid(row: Ranked) -> Cell:
         numbers = row.scores["overall"][key]
-        return with_uncertainty({**numbers, "seed_std": None}, key), six_digits(numbers["mean"])
+        return _without_seeds(numbers, key), six_digits(numbers["mean"])
 
     def column(protocol: str) -> Column[Ranked]:
         def cell(row: Ranked) -> Cell:
