@@ -234,7 +234,7 @@ RING = [[i, i + 1, (i + 2) % 12] for i in range(2, 12, 2)]
     ("vertices", "faces", "message"),
     [
         (np.eye(3), [[0, 1, 2]], "k must be between 1 and 2 for 3 vertices, got 10"),
-        (np.zeros((12, 3)), [[0, 1, 2], *RING], "6 of 6 faces have no area"),
+        (np.outer(np.arange(12), np.eye(3)[0]), [[0, 1, 2], *RING], "6 of 6 faces have no area"),
         (np.eye(11)[:, :3], [[0, 1, 2]], "8 vertices belong to no triangle"),
     ],
 )
