@@ -55,6 +55,7 @@ OF_EVERY_CARD = {
     "splits": ("shapes", "shapes.split_table"),
 }
 # The key is the page in docs/ and the name in its marks.
+LIMITS = ("limits-1.0", "limits-2.0", "limits-2.1")
 BLOCKS = {
     "cite/entries": Block(("build-1.0", "build-2.0", "build-2.1"), "card.citations"),
     "clusters/million": Block(("build-1.0",), "card.many_meshes"),
@@ -89,8 +90,9 @@ BLOCKS = {
     "labels/solver": Block(("solver",), "solver.table"),
     "labels/start": Block(("start",), "start.claim", inline=True),
     "labels/growth": Block(("growth",), "growth.table"),
-    "labels/limits": Block(("limits-1.0", "limits-2.0"), "limits.table"),
-    "labels/failing": Block(("limits-1.0", "limits-2.0"), "limits.failing_labels"),
+    "labels/agreement": Block(LIMITS, "limits.agreement", inline=True),
+    "labels/limits": Block(LIMITS, "limits.table"),
+    "labels/failing": Block(LIMITS, "limits.failing_labels"),
     "learned/ablation": Block(("ritz-mlp",), "ritz_mlp.variants_table"),
     "learned/left-out": Block(("ritz-mlp",), "ritz_mlp.left_out_table"),
     "learned/pair": Block(("two-numbers",), "two_numbers.pair", inline=True),
