@@ -38,7 +38,10 @@ def python(*command, folder, cache, told=True):
     return done.stdout, done.stderr
 
 
-@pytest.mark.parametrize("order", [("room.part", "part"), ("part", "room.part")])
+@pytest.mark.parametrize(
+    "order",
+    [("room.part", "part"), pytest.param(("part", "room.part"), marks=pytest.mark.slow)],
+)
 def test_a_module_may_be_imported_by_two_names(order, tmp_path):
     """As baselines.gcn by its training, and as gcn by its rows."""
     (tmp_path / "room").mkdir()

@@ -120,7 +120,8 @@ def exact_quadratic(mesh):
 
 @pytest.mark.parametrize("kind", ["needles", "caps", "row"])
 @pytest.mark.parametrize(
-    "aspect", [0.3, 1e-4, *(pytest.param(10.0**-e, marks=pytest.mark.slow) for e in (2, 5, 6, 8))]
+    "aspect",
+    [1e-4, *(pytest.param(a, marks=pytest.mark.slow) for a in (0.3, 1e-2, 1e-5, 1e-6, 1e-8))],
 )
 @pytest.mark.parametrize("elements", ["quadratic", "delaunay"])
 def test_bounds_of_other_elements_hold(aspect, kind, elements):

@@ -253,9 +253,11 @@ def test_damaged_manifest_is_refused(content, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_every_altered_byte_of_a_manifest_is_refused(written, tmp_path):
+@pytest.mark.parametrize("apart", [7, pytest.param(1, marks=pytest.mark.slow)])
+def test_every_altered_byte_of_a_manifest_is_refused(apart, written, tmp_path):
     whole = written.read_bytes()
-    for at, byte in enumerate(whole):
+    assert len(whole) > 100 * apart
+    for at, byte in list(enumerate(whole))[::apart]:
         blank = bytes([byte]).isspace()
         for other in set(b" \n\r\t") - {byte} if blank else {byte ^ 1}:
             written.write_bytes(whole[:at] + bytes([other]) + whole[at + 1 :])

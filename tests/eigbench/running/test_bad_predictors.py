@@ -324,7 +324,11 @@ def interrupted(evaluate, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("fact", "other"), [("hardware", "another machine"), ("environment", {"torch": "0"})]
+    ("fact", "other"),
+    [
+        ("hardware", "another machine"),
+        pytest.param("environment", {"torch": "0"}, marks=pytest.mark.slow),
+    ],
 )
 def test_another_machine_or_package_starts_anew(interrupted, monkeypatch, tmp_path, fact, other):
     assert interrupted()[0] == 2

@@ -186,7 +186,9 @@ def test_a_predictor_that_works_while_it_is_not_asked_is_refused(
 
 
 @linux
-@pytest.mark.parametrize("counted", ["control group", "process tree"])
+@pytest.mark.parametrize(
+    "counted", ["control group", pytest.param("process tree", marks=pytest.mark.slow)]
+)
 def test_what_a_thread_spins_for_after_a_batch_and_what_status_takes_is_spared(
     counted, predictor_file, monkeypatch
 ):
