@@ -58,30 +58,30 @@ def family(name: str, ids: list[str], limits: dict[str, Limit], surfaces: dict[s
     # The first shape that has each surface
     first = list({surfaces[id]: id for id in reversed(ids)}.values())[::-1]
     chosen = np.linspace(0, len(first) - 1, min(COMPARED, len(first))).round().astype(int)
-    apart, own, within = [], [], 0
+    apart, within = [], 0
     for i in progress(chosen.tolist(), name):
         limit = limits[first[i]]
         other = second(*json.loads(surfaces[first[i]]))
         distances = np.abs(other.eigenvalues - limit.eigenvalues)
-        farthest = np.argmax(distances / limit.eigenvalues)
-        apart.append((distances / limit.eigenvalues)[farthest])
-        own.append((other.bar / limit.eigenvalues)[farthest])
+        pairs = np.column_stack([distances, other.bar]) / limit.eigenvalues[:, None]
+        apart.append(pairs[pairs[:, 0].argmax()].tolist())
         within += bool((distances <= limit.bar + other.bar).all())
+    largest, own_bar = max(apart)
     return {
         "family": name,
         "shapes": len(ids),
         "known": known,
-        "bar": rounded(*np.percentile(bars, (50, 99))),
+        "bar": [two_digits(value) for value in np.percentile(bars, (50, 99))],
         "compared": len(chosen),
-        "apart": rounded(np.median(apart), np.max(apart)),
-        "own_bar": rounded(own[np.argmax(apart)])[0],
+        "apart": [two_digits(value) for value in (np.median(apart, axis=0)[0], largest)],
+        "own_bar": two_digits(own_bar),
         "within": within,
     }
 
 
-def rounded(*values: float) -> list[float]:
-    """Return numbers with two digits."""
-    return [float(f"{value:.1e}") for value in values]
+def two_digits(value: float) -> float:
+    """Return a number with two digits."""
+    return float(f"{value:.1e}")
 
 
 def second(name: str, parameters: dict) -> Limit:

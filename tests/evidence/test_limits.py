@@ -1,4 +1,4 @@
-"""The sentence on how far the limits and the second method agree."""
+"""How far limits and a second method agree: what is counted, and the sentence."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def of(eigenvalues, bar):
     ("within", "said"), [([25, 10], "On all 35 surfaces"), ([25, 9], "On 34 of 35 surfaces")]
 )
 def test_surfaces_where_the_two_methods_disagree_are_counted(within, said):
-    rows = [{"within": n, "compared": all} for n, all in zip(within, (25, 10), strict=True)]
+    rows = [{"within": n, "compared": m} for n, m in zip(within, (25, 10), strict=True)]
     assert limits.agreement({"rows": rows[:1]}, {"rows": rows[1:]}).startswith(said)
 
 

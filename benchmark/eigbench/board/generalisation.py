@@ -70,12 +70,17 @@ class HeldOut:
     are of the seeds that the model has under the protocol and trained on everything.
     """
 
-    score: float | None  #: mean of the metric; ``None`` where the model was not run
+    #: The mean of the metric, with its interval and its deviation over seeds, as in the scores of a
+    #: row; ``None`` where the model was not run.
+    numbers: Mapping[str, float | None] | None
     #: The mean minus that, on the same shapes, of the same model trained on everything.
     drop: float | None = None
     before: float | None = None  #: that mean
-    #: The mean again, with its interval and its deviation over seeds, as in the scores of a row.
-    numbers: Mapping[str, float | None] | None = None
+
+    @property
+    def score(self) -> float | None:
+        """The mean of the metric; ``None`` where the model was not run."""
+        return None if self.numbers is None else self.numbers["mean"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,12 +184,11 @@ class Board:
             return HeldOut(None)
         own = row.submission
         numbers = row.scores["overall"][key]
-        mean = numbers["mean"]
         if not self.is_trained(model) or on_imports(protocol):
-            return HeldOut(mean, numbers=numbers)
+            return HeldOut(numbers)
         seeds = min(len(own.predictions), len(model.predictions))
         before = _mean(model, own.truth, key, seeds)
-        return HeldOut(mean, _mean(own, own.truth, key, seeds) - before, before, numbers)
+        return HeldOut(numbers, _mean(own, own.truth, key, seeds) - before, before)
 
 
 @lru_cache(maxsize=16)
