@@ -262,6 +262,15 @@ def test_meshes_of_good_triangles_are_trusted_and_near(family, multilevel):
     np.testing.assert_allclose(values, exact, rtol=0.05)
 
 
+def test_a_coarsest_level_that_is_left_a_little_large_is_solved(multilevel):
+    shape = draw_shape(recipe.load("2.0"), "circular_cone", 50)  # the next would have 26 vertices
+    how = {"triangulation": "uniform", "vertices": 23_985, "seed": 434510375}
+    mesh = FAMILIES["circular_cone"].generate({**shape.parameters, **how})
+    assert 2 * multilevel.SETTING.coarsest < len(multilevel.hierarchy(mesh)[-1])
+    exact = spectrum.compute(mesh).eigenvalues
+    np.testing.assert_allclose(multilevel.trusted(mesh), exact, rtol=0.03)
+
+
 def test_eigenvalues_close_behind_the_tenth_leave_it_near(multilevel):
     shape = draw_shape(recipe.load("2.0"), "superquadric", 149)  # λ₁₁ to λ₁₅ are below 1.3 λ₁₀
     how = {"triangulation": "uniform", "vertices": 5500, "seed": 7}
