@@ -216,6 +216,7 @@ def read_obj(content: bytes) -> Triangles:
     for line, words in _rows(_continued(content)):
         if words[0] == b"v":
             positions.extend(_position(words[1:4], line))
+            _check_numbers(words[4:], line)  # a weight or a colour, and no further line
         elif words[0] == b"f":
             corners = _integers([word.partition(b"/")[0] for word in words[1:]], line)
             if 0 in corners:
@@ -512,7 +513,7 @@ def _stl_text(rows: Rows) -> Triangles:
         if word in opened:
             opened[word] += 1
         elif word == b"vertex":
-            positions.extend(_position(words[1:4], line))
+            positions.extend(_position(words[1:], line))
         elif word in closed:
             closed[word] += 1
             if word == b"endfacet" and len(positions) != 9 * closed[word]:
@@ -643,10 +644,13 @@ def _continued(content: bytes) -> bytes:
 
 
 def _rows(content: bytes, first: int = 1) -> Rows:
-    """Yield the number and words of each line that has any, comments left out."""
+    """Yield the number and words of each line that has any, comments left out.
+
+    Lines end as in universal newlines, and in one file they may end in several ways.
+    """
     content = content.removeprefix(codecs.BOM_UTF8)
-    if b"\n" not in content:
-        content = content.replace(b"\r", b"\n")
+    if b"\r" in content:
+        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     for line, text in enumerate(io.BytesIO(content), start=first):
         words = text.partition(b"#")[0].split()
         if words:
@@ -674,6 +678,15 @@ def _position(words: Sequence[bytes], line: int) -> tuple[float, float, float]:
     if b"_" in b"".join(words):  # which Python reads over
         raise UnreadableError(f"line {line}: {_quoted(*words)} are no three numbers")
     return x, y, z
+
+
+def _check_numbers(words: Sequence[bytes], line: int) -> None:
+    """Refuse words that are no numbers: of a line that has lost its end, they are the next one."""
+    try:
+        for word in words:
+            float(word)
+    except ValueError as error:
+        raise UnreadableError(f"line {line}: {_quoted(*words)}: no numbers") from error
 
 
 def _integers(words: Sequence[bytes], line: int) -> list[int]:

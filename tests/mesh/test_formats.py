@@ -3,6 +3,7 @@
 import codecs
 import gzip
 import io
+import itertools
 
 import numpy as np
 import pytest
@@ -112,6 +113,27 @@ def test_lines_end_in_any_way(newline):
         assert len(faces_of(text.replace("\n", newline), kind)) == 1
     early = ply.replace("3 0 1 2", "3 0 1").replace("\n", newline)
     assert refused(early, ".ply").endswith("line 14 ends early")
+
+
+@pytest.mark.parametrize("kind", [".obj", ".off", ".ply", ".stl"])
+def test_lines_of_one_file_end_in_several_ways(kind):
+    text = {
+        ".obj": VERTICES + "f 1 2 3\n",
+        ".off": f"OFF\n4 1 0\n{POINTS}3 0 1 2\n",
+        ".ply": PLY + POINTS + "3 0 1 2\n",
+        ".stl": f"solid\n{FACET}endsolid\n",
+    }[kind]
+    lines, whole = text.split("\n"), faces_of(text, kind)
+    for odd in range(len(lines) - 1):
+        for end, others in itertools.permutations(("\n", "\r\n", "\r"), 2):
+            ends = [end if i == odd else others for i in range(len(lines))]
+            mixed = "".join(map("".join, zip(lines, ends, strict=True)))
+            assert faces_of(mixed, kind) == whole
+
+
+def test_a_line_of_obj_that_runs_into_the_next_is_refused():
+    text = VERTICES + "f 1 2 3\nf 1 3 4\n"
+    assert refused(text.replace("\nf", " f", 1), ".obj") == "line 4: 'f 1 2 3': no numbers"
 
 
 @pytest.mark.parametrize("newline", [b"\n", b"\r\n"])
