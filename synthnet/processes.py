@@ -14,7 +14,8 @@ import sys
 import threading
 from collections.abc import Callable
 from multiprocessing import connection
-from types import FrameType
+from multiprocessing.context import SpawnContext, SpawnProcess
+from types import FrameType, ModuleType
 
 EXIT_CODE = 130  # by the shell's convention 128 + SIGINT; for SIGTERM too: both are interruptions
 THREADS = "OMP_NUM_THREADS"  # the environment variable
@@ -94,6 +95,41 @@ def more_memory(otherwise: str) -> str:
         f"a process may address {limit / 2**30:.1f} GiB here (`ulimit -v`), and libraries that it "
         "loads count: raise that limit or lift it"
     )
+
+
+class _Worker(SpawnProcess):
+    """A process in which Ctrl-C waits for :func:`begin_worker`, and the caller's script is not run.
+
+    A spawned process imports ``__main__`` anew, for what may be defined there. Here that is
+    nothing, and a script without ``if __name__ == "__main__":`` would start more processes.
+    """
+
+    def start(self) -> None:
+        """Start with SIGINT blocked: while it imports its modules, it would print a traceback."""
+        main = sys.modules["__main__"]
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            super().start()
+        finally:
+            sys.modules["__main__"] = main
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+class WorkerContext(SpawnContext):
+    """Spawns worker processes: no fork copies the threads that Open3D and BLAS have.
+
+    What they call must begin with :func:`begin_worker`.
+    """
+
+    Process = _Worker
+
+
+def begin_worker() -> None:
+    """Leave Ctrl-C to the parent, and end this process when the parent is gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    follow_parent()
 
 
 def follow_parent() -> None:

@@ -9,7 +9,6 @@ import importlib
 import logging
 import multiprocessing
 import os
-import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -18,13 +17,12 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from importlib import resources
-from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, TypeAlias
 
 import threadpoolctl
 
 from synthnet.errors import BuildError, MissingPackageError, needed_by
-from synthnet.processes import THREADS, cores, follow_parent, more_memory
+from synthnet.processes import THREADS, WorkerContext, begin_worker, cores, more_memory
 
 CONNECT_SECONDS = 10
 
@@ -70,10 +68,9 @@ def local_processes(workers: int | None = None, preload: str | None = None) -> I
     """
     count = workers or cores()
     others = set(multiprocessing.active_children())
-    # Spawned, not forked: Open3D and BLAS have threads of their own.
     pool = ProcessPoolExecutor(
         count,
-        mp_context=_Spawn(),
+        mp_context=WorkerContext(),
         initializer=_start_worker,
         initargs=(preload,),
     )
@@ -92,27 +89,9 @@ def local_processes(workers: int | None = None, preload: str | None = None) -> I
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-class _SpawnedProcess(SpawnProcess):
-    """A process in which Ctrl-C waits until :func:`_start_worker` leaves it to the parent."""
-
-    def start(self) -> None:
-        """Start with SIGINT blocked: while it imports its modules, it would print a traceback."""
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            super().start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-
-
-class _Spawn(SpawnContext):
-    Process = _SpawnedProcess
-
-
 def _start_worker(preload: str | None) -> None:
-    """Leave Ctrl-C to the parent, end when the parent is gone, and load what the work needs."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    follow_parent()
+    """Begin a worker process, and load what the work needs."""
+    begin_worker()
     try:
         if preload is not None:
             importlib.import_module(preload)

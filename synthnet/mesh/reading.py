@@ -20,7 +20,7 @@ import numpy as np
 from synthnet.errors import MissingPackageError, SynthNetError
 from synthnet.mesh import formats
 from synthnet.mesh.formats import Triangles, UnreadableError, kind_of, no_mesh
-from synthnet.processes import follow_parent
+from synthnet.processes import WorkerContext, begin_worker
 from synthnet.types import Mesh
 
 SECONDS, GIGABYTES = 120.0, 8.0
@@ -109,7 +109,7 @@ class Reader:
         return Triangles(vertices.reshape(-1, 3), faces.reshape(-1, 3), answer["clipped"])
 
     def _begin(self) -> None:
-        context = multiprocessing.get_context("spawn")
+        context = WorkerContext()
         self._channel, other = context.Pipe()
         arguments = other, self.seconds, self.gigabytes
         self._process = context.Process(target=_serve, args=arguments, daemon=True)
@@ -129,8 +129,7 @@ class Reader:
 
 def _serve(channel: Connection, seconds: float, gigabytes: float) -> None:
     """Answer each request, until there is nobody to ask."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the other process
-    follow_parent()
+    begin_worker()
     _limit(resource.RLIMIT_CORE, 0)
     _limit(resource.RLIMIT_AS, round(gigabytes * 2**30))
     while True:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
@@ -10,6 +9,7 @@ from functools import partial
 from itertools import islice
 from typing import Any
 
+from synthnet.processes import WorkerContext, begin_worker
 from synthnet.spectrum.inputs import as_mesh, check_count
 from synthnet.spectrum.operators import PLAIN, Operator
 from synthnet.spectrum.solve import compile_solver, compute
@@ -37,8 +37,8 @@ def spectra(
     repair : bool
         Repair each first, see :func:`synthnet.spectrum.compute`.
     workers : int
-        Processes; with one, all is done in this. Each takes a core: set OMP_NUM_THREADS=1. In a
-        script they need ``if __name__ == "__main__":``. Two meshes for each are read ahead.
+        Processes; with one, all is done in this. Each takes a core: set OMP_NUM_THREADS=1. Two
+        meshes for each are read ahead.
 
     Raises
     ------
@@ -60,8 +60,7 @@ def spectra(
         yield from map(solve, meshes)
         return
     compile_solver()  # once, before all of them would
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
+    with ProcessPoolExecutor(workers, WorkerContext(), initializer=begin_worker) as pool:
         futures = _submitted(pool, solve, meshes)
         waiting = deque(islice(futures, 2 * workers))
         try:

@@ -50,6 +50,24 @@ def test_threads_give_the_bytes_of_processes(small, expected, tmp_path):
     assert contents(tmp_path / "many") == expected
 
 
+UNGUARDED = """
+from synthnet.processes import WorkerContext
+print("script", flush=True)
+process = WorkerContext().Process(target=print, args=("worker",))
+process.start()
+process.join()
+"""
+
+
+@pytest.mark.parametrize("from_input", [False, True])
+def test_workers_do_not_run_the_script_that_starts_them(from_input, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED)
+    command = [sys.executable, "-" if from_input else str(script)]
+    done = subprocess.run(command, input=UNGUARDED, capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("script\nworker\n", "")
+
+
 def test_few_shards_are_submitted_at_a_time(small, tmp_path):
     at_once, most = set(), []
 
