@@ -140,6 +140,8 @@ def _arrays(given: Any) -> tuple[NDArray[Any], NDArray[Any]]:
         hint = "; with parentheses of its own: compute((vertices, faces))"
     elif hasattr(given, "to_mesh"):  # a scene of trimesh
         hint = "; its .to_mesh() is one"
+    elif getattr(given, "pos", None) is not None:  # a graph of PyTorch Geometric
+        hint = "; it has no face: FaceToEdge(remove_faces=False) keeps the faces"
     raise ValueError(f"this is {type(given).__name__}, no mesh: give {TAKEN}{hint}")
 
 

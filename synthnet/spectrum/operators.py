@@ -206,7 +206,7 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     n = len(mesh.vertices)
     matrices, condition = _assembled(mesh, operator)
     if operator.elements != "tufted":
-        warn_of_sheets(mesh)
+        warn_of_sheets(mesh, stacklevel=5)  # the line that calls compute
     entries = None
     if operator.elements != "linear":
         diagonal = matrices.stiffness[_on_diagonal(matrices.indptr, matrices.indices)]

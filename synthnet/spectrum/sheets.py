@@ -16,40 +16,42 @@ from synthnet.spectrum import fem
 from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.types import Mesh
 
-JOINED = "repair=True joins equal corners"  # the ends of warnings
-PARTED = "repair=True parts them"
-CALLER = 5  # the line that called compute, from one of warn_of_sheets
+JOINED = "compute(…, repair=True) joins equal corners"  # the ends of warnings
+PARTED = "compute(…, repair=True) parts them"
 
 
-def warn_of_sheets(mesh: Mesh) -> None:
-    """Warn of faces that share no vertex, of slits, of edges of many faces, and of pinches."""
+def warn_of_sheets(mesh: Mesh, stacklevel: int) -> None:
+    """Warn of faces that share no vertex, of slits, of edges of many faces, and of pinches.
+
+    ``stacklevel`` counts from here to the line that is warned: 2 is the one that calls this.
+    """
     vertices, faces = fem.as_arrays(mesh)
     many, pinched, rims = edges_and_fans(faces, len(vertices))
     if len(vertices) == faces.size > 3:
         warnings.warn(
             f"no two of the {len(faces)} faces share a vertex, as in an STL file: each is a "
             f"component by itself; {JOINED}",
-            stacklevel=CALLER,
+            stacklevel=stacklevel,
         )
     elif slit := slits(vertices, rims):
         warnings.warn(
             f"the surface is slit: {counted(slit, 'pair')} of edges with one face are at the same "
             f"position, and not joined; {JOINED}",
-            stacklevel=CALLER,
+            stacklevel=stacklevel,
         )
     if many:
         warnings.warn(
             f"{many} edges have more than two faces: eigenfunctions are those of all sheets joined "
             "there, which is no surface; `synthnet import` cuts where sheets are clearly pairs, "
             'Operator(elements="tufted") takes the mesh as it is',
-            stacklevel=CALLER,
+            stacklevel=stacklevel,
         )
     elif pinched:
         warnings.warn(
             f"{counted(pinched, 'vertex joins', 'vertices join')} sheets that share no edge there: "
             "eigenfunctions are those of sheets that touch in a point, which is no "
             f"surface; {PARTED}",
-            stacklevel=CALLER,
+            stacklevel=stacklevel,
         )
 
 

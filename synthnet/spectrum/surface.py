@@ -31,6 +31,7 @@ from synthnet.spectrum import curved, fem
 from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.bending import Patches, bend
 from synthnet.spectrum.inputs import as_mesh, check_count
+from synthnet.spectrum.sheets import warn_of_sheets
 from synthnet.spectrum.solve import of_matrices
 
 ENOUGH, STEPS = 0.01, 20  # conjugate gradients end with a step that adds no such share, or so many
@@ -64,6 +65,11 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
         As :func:`synthnet.spectrum.compute`, of the linear elements; if triangles are so thin that
         rounding leaves no estimate.
 
+    Warns
+    -----
+    UserWarning
+        As :func:`synthnet.spectrum.compute`, if the mesh is no surface, or looks like another.
+
     Examples
     --------
     >>> from synthnet.families import FAMILIES
@@ -76,6 +82,7 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     fem.check_used(mesh)
     patches = bend(mesh)
     linear, stiffness, mass = curved.hierarchical(patches)
+    warn_of_sheets(mesh, stacklevel=3)
     found = of_matrices(linear, k)
     values = found.eigenvalues
     energies = _edge_energies(patches, stiffness, mass, found.eigenvectors, values)

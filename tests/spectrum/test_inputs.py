@@ -81,6 +81,7 @@ def test_meshes_of_other_libraries_give_the_same_numbers(make):
         ("bunny.ply", "read the file first: trimesh.load_mesh"),
         (Path("bunny.ply"), "read the file first: trimesh.load_mesh"),
         ((V,), "this is tuple, no mesh"),
+        (types.SimpleNamespace(pos=V), r"no mesh: .*; it has no face: FaceToEdge\(remove_faces=F"),
         ((np.zeros((0, 3)), F[:0]), "an empty mesh: no triangles"),
         ((V, F[:0]), "a point cloud: .* vertices and no triangles"),
         ((1e100 * V, F), r"has coordinates up to 1e\+100: scale it to between"),
@@ -223,7 +224,7 @@ def test_spectra_of_many_are_those_of_each(workers):
 
 
 def test_meshes_of_many_processes_are_read_as_they_are_needed(monkeypatch):
-    def threads(workers, mp_context):  # processes take long to start
+    def threads(workers, context, initializer):  # processes take long to start
         return ThreadPoolExecutor(workers)
 
     monkeypatch.setattr("synthnet.spectrum.many.ProcessPoolExecutor", threads)

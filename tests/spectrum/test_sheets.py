@@ -9,7 +9,7 @@ import pytest
 
 from evidence.operators import square
 from synthnet.mesh.adjacency import connected
-from synthnet.spectrum import Operator, compute, count_below, sheets
+from synthnet.spectrum import Operator, compute, count_below, sheets, surface_eigenvalues
 from synthnet.types import Mesh
 from tests.spectrum.meshes import side_by_side, sphere
 
@@ -42,14 +42,22 @@ BOOK = side_by_side(BOOK, Mesh(SHEET.vertices * [-1, 1, 1], SHEET.faces), apart=
 @pytest.mark.parametrize(
     ("mesh", "message"),
     [
-        (PINCHED, "1 vertex joins sheets that share no edge there: .*; repair=True parts them"),
+        (PINCHED, "1 vertex joins sheets that share no edge there: .*repair=True. parts them"),
         (TWICE_PINCHED, "2 vertices join sheets that share no edge there"),
-        (SLIT, "the surface is slit: 6 pairs of edges with one face .*; repair=True joins equal"),
+        (SLIT, "the surface is slit: 6 pairs of edges with one face .*repair=True. joins equal"),
     ],
 )
 def test_what_is_no_surface_is_said_where_compute_was_called(mesh, message, elements):
     with pytest.warns(UserWarning, match=f"^{message}") as caught:
         compute(mesh, 3, operator=Operator(elements=elements))
+    (warned,) = caught
+    assert warned.filename == __file__
+
+
+@pytest.mark.parametrize(("mesh", "message"), [(PINCHED, "1 vertex"), (SLIT, "the surface is sl")])
+def test_so_it_is_where_the_spectrum_of_the_smooth_surface_was_asked_for(mesh, message):
+    with pytest.warns(UserWarning, match=f"^{message}") as caught:
+        surface_eigenvalues(mesh, 3)
     (warned,) = caught
     assert warned.filename == __file__
 
