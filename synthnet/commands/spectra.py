@@ -175,7 +175,8 @@ def _print(
 
 def run_certify(options: argparse.Namespace) -> int:
     """Judge an answer: exit code 0 if it is certified, 1 if not."""
-    answer, operator = read_answer(options.answer, options.mesh), _operator(options)
+    operator = _operator(options)
+    answer = read_answer(options.answer, options.mesh, operator)
     with Reader() as reader, Console(stderr=True).status(f"counting eigenvalues of {options.mesh}"):
         try:
             state = _mesh(reader, options.mesh, operator, mended=options.repair)
@@ -381,13 +382,13 @@ def _as_csv(answers: list[Answer], k: int, operator: Operator) -> str:
     return text.getvalue()
 
 
-def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
+def read_answer(path: Path, mesh: Path, operator: Operator) -> NDArray[np.float64]:
     """Return the eigenvalues of a file.
 
     Numbers stand on lines or between commas, one line of names may come first. In a table with the
     columns ``file`` and ``lambda_1`` and so on, the row of the mesh counts; of columns with other
     names, the one that is named ``eigenvalue``. Raise AnswerError if the file cannot be read, holds
-    no numbers, or no row of the mesh.
+    no numbers, or no row of the mesh, or if that row names another operator.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -402,7 +403,7 @@ def read_answer(path: Path, mesh: Path) -> NDArray[np.float64]:
     first = text.strip().partition("\n")[0]
     names = [name.strip(BESIDE) for name in first.split(",")]
     if "file" in names and "lambda_1" in names:
-        rows = [_of_mesh(text, mesh, path)]
+        rows = [_of_mesh(text, mesh, path, operator)]
     elif _are_names(names):
         if len(names) > 1:  # an empty cell between commas is one
             split = [(number, line.split(",")) for number, line in enumerate(text.split("\n"), 1)]
@@ -451,7 +452,7 @@ def _are_names(cells: list[str]) -> bool:
     return bool(words) and (words[0].startswith("#") or all(named))
 
 
-def _of_mesh(text: str, mesh: Path, path: Path) -> tuple[int, list[str]]:
+def _of_mesh(text: str, mesh: Path, path: Path, operator: Operator) -> tuple[int, list[str]]:
     """Return the eigenvalues in a mesh's row of a table, and the number of its line.
 
     Of several rows with the mesh's name, that of its very path is its own.
@@ -471,6 +472,12 @@ def _of_mesh(text: str, mesh: Path, path: Path) -> tuple[int, list[str]]:
         which = ": give the path that stands in one of them" if mine else ""
         raise AnswerError(f"{path} has {len(mine)} rows of {mesh.name}, where one is needed{which}")
     ((line, row),) = mine
+    for option, asked in _named(operator).items():
+        if option in header and (of := row[header.index(option)].strip(BESIDE)) != asked:
+            raise AnswerError(
+                f"{path}, row {line}: eigenvalues of {option} {of}, not {asked}: "
+                f"add --{option} {of}"
+            )
     return line, [row[i] for i in columns]
 
 
