@@ -241,9 +241,20 @@ class Rate(ProgressColumn):
         return Text(f"{task.completed / seconds:7.1f} {self.of}/s", style="cyan")
 
 
+class _Bars(Progress):
+    """Bars that leave no empty line in a log where none of them was begun."""
+
+    def stop(self) -> None:
+        """Stop; rich ends the last line of a log, whether there is one or not."""
+        if self.tasks:
+            super().stop()
+        else:
+            self.live.stop()
+
+
 def progress(text: str, console: Console | None = None, *, of: str = "meshes") -> Progress:
     """Return bars with counts and rates of something, on standard error, after a text."""
-    return Progress(
+    return _Bars(
         TextColumn(text),
         BarColumn(),
         MofNCompleteColumn(),

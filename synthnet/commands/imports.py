@@ -47,14 +47,15 @@ def add(commands: Commands) -> None:
         "--download", action="store_true", help="with --packages: let pip bring what is missing"
     )
     sub.add_argument("--unit-area", action="store_true", help="scale every surface to area 1")
-    sub.add_argument(
+    pieces = sub.add_mutually_exclusive_group()
+    pieces.add_argument(
         "--components",
         choices=COMPONENTS,
         default=KEEP,
         help="of several components keep all as one shape, keep the largest by area alone, or "
         "split: a shape of each (default: %(default)s)",
     )
-    sub.add_argument(
+    pieces.add_argument(
         "--keep-largest",
         dest="components",
         action="store_const",

@@ -24,9 +24,9 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def make_directory(path: Path) -> None:
-    """Create a directory that can be written, or raise BuildError."""
-    _make(path, "choose another directory with --out or $SYNTHNET_HOME")
+def make_directory(path: Path, choose: str = "--out or $SYNTHNET_HOME") -> None:
+    """Create a directory that can be written, or raise BuildError: ``choose`` another with that."""
+    _make(path, f"choose another directory with {choose}")
 
 
 def make_parent(path: Path) -> None:

@@ -7,6 +7,7 @@ is bounded by what can be right, not by what it claims.
 
 from __future__ import annotations
 
+import codecs
 import csv
 import math
 import zipfile
@@ -220,7 +221,7 @@ def csv_table(
 
 def _header(line: bytes) -> list[str]:
     _check_line(line)
-    names = next(csv.reader([line.decode("utf-8-sig")]), [])
+    names = next(csv.reader([_text(line.removeprefix(codecs.BOM_UTF8))]), [])
     if len(names) > COLUMNS:
         raise OutsideError(f"{len(names):,} columns, at most {COLUMNS} are read")
     if twice := [name for name in names if names.count(name) > 1]:
@@ -236,7 +237,14 @@ def _lines(file: BinaryIO, most: int) -> Iterator[str]:
         lines += 1
         if lines > most:
             raise OutsideError(f"more than {most:,} lines, there can be {most:,} at most")
-        yield line.decode("utf-8")
+        yield _text(line)
+
+
+def _text(line: bytes) -> str:
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise OutsideError(f"{line[:20]!a} is no UTF-8: save it as UTF-8") from error
 
 
 def _check_record(

@@ -74,6 +74,12 @@ def test_an_interrupt_names_shards_where_a_command_makes_them(words, kept, run, 
     assert run(*words) == (130, "", f"synthnet: interrupted{shards}\n")
 
 
+def test_bars_that_were_never_begun_leave_no_line(run, tmp_path):
+    missing = tmp_path / "scans"
+    line = f"synthnet: {missing} is not there\n"
+    assert run("import", missing, "--name", "scans") == (2, "", line)
+
+
 # Where it prints to
 
 

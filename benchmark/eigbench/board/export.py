@@ -160,7 +160,7 @@ def tidy(submission: Submission) -> pa.Table:
 
 def write(out: Path, boards: Sequence[Sequence[Submission]]) -> Iterator[Path]:
     """Write every board's predictions as ``BOARD.parquet`` and ``BOARD.csv``; yield the paths."""
-    make_directory(out)
+    make_directory(out, "--out")
     for submissions in boards:
         whole = pa.concat_tables([tidy(s) for s in submissions], promote_options="permissive")
         whole = whole.unify_dictionaries()

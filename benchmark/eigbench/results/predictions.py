@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections import Counter
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -185,15 +186,18 @@ def _join(
         ("lacks", [id for id in truth.ids if id not in row_of]),
         ("has ids that are not in the split:", sorted(set(row_of) - set(truth.ids))),
     )
-    for what, which in problems:
-        if which:
-            more = f" and {len(which) - 3} more" if len(which) > 3 else ""
-            raise PredictionsError(
-                f"{path} {what} {', '.join(map(_shown, which[:3]))}{more} "
-                f"({truth.version}, {truth.split}, {truth.protocol}): --dataset, --split and "
-                "--protocol say what was predicted"
-            )
+    if said := [f"{what} {_first(which)}" for what, which in problems if which]:
+        raise PredictionsError(
+            f"{path} {', and '.join(said)} ({truth.version}, {truth.split}, {truth.protocol}): "
+            "--dataset, --split and --protocol say what was predicted"
+        )
     return values[[row_of[id] for id in truth.ids]]
+
+
+def _first(ids: Sequence[str]) -> str:
+    """Return a few ids, and how many more there are."""
+    more = f" and {len(ids) - 3} more" if len(ids) > 3 else ""
+    return ", ".join(map(_shown, ids[:3])) + more
 
 
 def _shown(id: str) -> str:

@@ -241,7 +241,8 @@ def as_array(answer: Any) -> NDArray[Any]:
     try:
         array = np.asarray(answer.detach().cpu() if hasattr(answer, "detach") else answer)
     except (ValueError, TypeError) as error:
-        raise PredictorError(f"the answer is no array: {described(error)}") from error
+        hint = ": return answer.float()" if hasattr(answer, "detach") else ""
+        raise PredictorError(f"the answer is no array: {described(error)}{hint}") from error
     if array.dtype.hasobject and array.ndim == 0:
         if answer is None:
             raise PredictorError("predict returned None: end it with `return`, and the eigenvalues")

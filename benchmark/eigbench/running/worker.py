@@ -11,7 +11,7 @@ import socket
 import sys
 import traceback
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import FrozenInstanceError, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -141,7 +141,8 @@ def _answer(loaded: predictor.Predictor, meshes: Sequence[Mesh], job: Job) -> ND
     except BaseException as error:  # the harness ends it otherwise
         file, _ = predictor.split(Path(job.path))
         described = predictor.described(error, file)
-        hint = "; meshes are read-only: copy what you change" if "read-only" in described else ""
+        changes = "read-only" in described or isinstance(error, FrozenInstanceError)
+        hint = "; meshes are read-only: copy what you change" if changes else ""
         raise PredictorError(f"the predictor failed: {described}{hint}") from error
     return predictor.checked(answer, len(meshes), job.k)
 

@@ -269,6 +269,9 @@ def test_results_of_two_splits_are_not_compared(read):
     other = replace(read["one"], truth=read["one"].truth.head(10))
     with pytest.raises(EigbenchError, match="predict other instances"):
         ranking.difference(other, read["far"], "rpd")
+    part = replace(other, result={**other.result, "partial": True})
+    with pytest.raises(EigbenchError, match=r"is of the first 10 instances alone \(--limit\)"):
+        ranking.difference(part, read["far"], "rpd")
 
 
 # --- the page ----------------------------------------------------------------------------
@@ -755,6 +758,9 @@ def test_plot_draws_every_picture(printed, made, tmp_path):
         *("spectra-one-percent.png", "spectra-twenty-percent.png"),
     }
     assert all(name in out for name in names)
+    printed("plot", made["one"], made["one"], "--out", tmp_path / "twice")
+    spectra = {path.name for path in (tmp_path / "twice").glob("spectra-*")}
+    assert spectra == {"spectra-one-percent.png", "spectra-one-percent-2.png"}
 
 
 def test_spectra_show_the_best_the_median_and_the_worst_of_each_family(read, mini_truth):

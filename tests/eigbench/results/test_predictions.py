@@ -96,6 +96,10 @@ WRONG = {
         lambda ids, v: ([*ids, "cone-9/0"], [*v, v[0]]),
         "has ids that are not in the split: cone-9/0",
     ),
+    "an id of another split": (
+        lambda ids, v: (["cone-9/0", *ids[1:]], v),
+        "lacks {0}, and has ids that are not in the split: cone-9/0 .1.0-mini, test, grouped",
+    ),
     "an id twice": (lambda ids, v: ([*ids, ids[4]], [*v, v[4]]), "predicts twice {4}"),
     "too few eigenvalues": (lambda ids, v: (ids, v[:, :9]), r"shape \(20, 9\)|lambda_10"),
     "too many eigenvalues": (

@@ -97,7 +97,7 @@ AT_A_BATCH = {
     "writes to vertices": (
         "def predict(meshes):\n    meshes[0].vertices = meshes[0].vertices + 1\n"
         "    return weyl(meshes)",
-        "cannot assign to field 'vertices'",
+        "vertices + 1); meshes are read-only: copy what you change",
     ),
     "writes to an array": (
         "def predict(meshes):\n    meshes[0].vertices[:] -= 1\n    return weyl(meshes)",

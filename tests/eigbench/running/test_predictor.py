@@ -351,6 +351,12 @@ def test_answer_that_is_no_batch_of_spectra_is_refused(answer, message):
     assert len(str(caught.value).splitlines()) == 1
 
 
+def test_a_tensor_that_numpy_has_no_dtype_for_has_a_remedy():
+    torch = pytest.importorskip("torch")
+    with pytest.raises(PredictorError, match=r"BFloat16: return answer.float\(\)$"):
+        predictor.as_array(torch.ones((4, 10), dtype=torch.bfloat16))
+
+
 # --- what a predictor sees -------------------------------------------------------------
 
 
