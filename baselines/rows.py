@@ -50,8 +50,8 @@ TRAINED = (  # on the set they are asked for
 ONLY = {"gcn_scale_free": "2.0", "patch_transformer": "2.0"}  # they are trained on that alone
 SOME = {  # most meshes of 2.1 are those of 2.0: what can say something new is run on it
     "2.1": (
-        *("mean", "weyl", "exact", "certified", "two_masses", "curved", "multilevel"),
-        *("kriging", "ritz_mlp_surface", "spectrum_mlp", "multilevel_masses"),
+        *("mean", "weyl", "exact", "lapy_cholmod", "certified", "two_masses", "curved"),
+        *("multilevel", "kriging", "ritz_mlp_surface", "spectrum_mlp", "multilevel_masses"),
     )
 }
 BATCH = {"1.0": 200, "2.0": 50, "2.1": 50}  # meshes: those of 2 are six times as large
