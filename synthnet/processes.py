@@ -12,8 +12,10 @@ import resource
 import signal
 import sys
 import threading
-from collections.abc import Callable
-from multiprocessing import connection
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import connection, resource_tracker
 from multiprocessing.context import SpawnContext, SpawnProcess
 from types import FrameType, ModuleType
 
@@ -21,6 +23,7 @@ EXIT_CODE = 130  # by the shell's convention 128 + SIGINT; for SIGTERM too: both
 THREADS = "OMP_NUM_THREADS"  # the environment variable
 
 _seen = threading.Event()
+_starting = threading.Lock()  # one process at a time
 
 
 def notice_interrupts() -> None:
@@ -106,14 +109,16 @@ class _Worker(SpawnProcess):
 
     def start(self) -> None:
         """Start with SIGINT blocked: while it imports its modules, it would print a traceback."""
-        main = sys.modules["__main__"]
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        sys.modules["__main__"] = ModuleType("__main__")
-        try:
-            super().start()
-        finally:
-            sys.modules["__main__"] = main
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        resource_tracker.ensure_running()  # which unblocks SIGINT when it starts
+        with _starting:
+            main = sys.modules["__main__"]
+            mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+            sys.modules["__main__"] = ModuleType("__main__")
+            try:
+                super().start()
+            finally:
+                sys.modules["__main__"] = main
+                signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 class WorkerContext(SpawnContext):
@@ -123,6 +128,23 @@ class WorkerContext(SpawnContext):
     """
 
     Process = _Worker
+
+
+@contextmanager
+def worker_pool(
+    count: int, begin: Callable[..., None], *arguments: object
+) -> Iterator[ProcessPoolExecutor]:
+    """Give worker processes that call ``begin`` first; on an error or Ctrl-C they end at once."""
+    others = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(count, WorkerContext(), begin, arguments)
+    try:
+        yield pool
+    except BaseException:
+        for process in set(multiprocessing.active_children()) - others:
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def begin_worker() -> None:

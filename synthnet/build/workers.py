@@ -7,12 +7,11 @@ machinery raises into one line.
 
 import importlib
 import logging
-import multiprocessing
 import os
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import CancelledError, Executor, ProcessPoolExecutor
+from concurrent.futures import CancelledError, Executor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -22,7 +21,7 @@ from typing import Any, TypeAlias
 import threadpoolctl
 
 from synthnet.errors import BuildError, MissingPackageError, needed_by
-from synthnet.processes import THREADS, WorkerContext, begin_worker, cores, more_memory
+from synthnet.processes import THREADS, begin_worker, cores, more_memory, worker_pool
 
 CONNECT_SECONDS = 10
 
@@ -67,26 +66,14 @@ def local_processes(workers: int | None = None, preload: str | None = None) -> I
     Each imports the module ``preload`` when it starts. Raise BuildError if one of them died.
     """
     count = workers or cores()
-    others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(
-        count,
-        mp_context=WorkerContext(),
-        initializer=_start_worker,
-        initargs=(preload,),
-    )
     try:
-        yield Workers(pool, lambda: count)
+        with worker_pool(count, _start_worker, preload) as pool:
+            yield Workers(pool, lambda: count)
     except BrokenProcessPool as error:
         raise BuildError(
             "a worker process died (out of memory?): finished shards are kept, run the same "
             f"command again; {more_memory('take fewer --workers if memory is short')}"
         ) from error
-    except BaseException:
-        for process in set(multiprocessing.active_children()) - others:
-            process.terminate()
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _start_worker(preload: str | None) -> None:

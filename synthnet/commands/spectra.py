@@ -306,7 +306,7 @@ def _by_options(warned: list[warnings.WarningMessage]) -> tuple[str, ...]:
         str(warning.message)
         .replace(JOINED, "without --no-repair they are joined")
         .replace(PARTED, "without --no-repair they are parted")
-        .replace('Operator(elements="tufted")', "--elements tufted")
+        .replace('compute with Operator(elements="tufted")', "--elements tufted")
         for warning in warned
     )
 
@@ -472,12 +472,14 @@ def _of_mesh(text: str, mesh: Path, path: Path, operator: Operator) -> tuple[int
         which = ": give the path that stands in one of them" if mine else ""
         raise AnswerError(f"{path} has {len(mine)} rows of {mesh.name}, where one is needed{which}")
     ((line, row),) = mine
-    for option, asked in _named(operator).items():
-        if option in header and (of := row[header.index(option)].strip(BESIDE)) != asked:
-            raise AnswerError(
-                f"{path}, row {line}: eigenvalues of {option} {of}, not {asked}: "
-                f"add --{option} {of}"
-            )
+    of = dict(zip(header, (cell.strip(BESIDE) for cell in row), strict=True))
+    known = {"elements": MASSES, "mass": SHARES, "boundary": BOUNDARIES}
+    asked = _named(operator)
+    others = [f"--{o} {of[o]}" for o in known if of.get(o) in known[o] and of[o] != asked[o]]
+    if others:
+        raise AnswerError(
+            f"{path}, row {line}: eigenvalues of another operator: give {' '.join(others)}"
+        )
     return line, [row[i] for i in columns]
 
 

@@ -57,6 +57,8 @@ OBJ_OTHERS = frozenset(
     b"trace_obj deg bmat step cstype curv curv2 surf parm trim hole scrv sp end con ctech "
     b"stech".split()
 )
+OBJ_WORDS = OBJ_OTHERS | {b"v", b"f"}
+OBJ_NUMBERS = frozenset(b"v vt vn vp p l s".split())  # no word of OBJ comes after these
 PLY_KINDS = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
     **{"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"},
@@ -214,9 +216,11 @@ def read_obj(content: bytes) -> Triangles:
     """Read the lines ``v`` and ``f`` of an OBJ file; all others are passed over."""
     positions, polygons = array("d"), Polygons()
     for line, words in _rows(_continued(content)):
+        if words[0] in OBJ_NUMBERS and not OBJ_WORDS.isdisjoint(words[1:]):
+            word = next(word for word in words[1:] if word in OBJ_WORDS)
+            raise UnreadableError(f"line {line}: {_quoted(word)} must begin a line of its own")
         if words[0] == b"v":
             positions.extend(_position(words[1:4], line))
-            _check_numbers(words[4:], line)  # a weight or a colour, and no further line
         elif words[0] == b"f":
             corners = _integers([word.partition(b"/")[0] for word in words[1:]], line)
             if 0 in corners:
@@ -513,7 +517,7 @@ def _stl_text(rows: Rows) -> Triangles:
         if word in opened:
             opened[word] += 1
         elif word == b"vertex":
-            positions.extend(_position(words[1:], line))
+            positions.extend(_position(words[1:4], line))
         elif word in closed:
             closed[word] += 1
             if word == b"endfacet" and len(positions) != 9 * closed[word]:
@@ -678,15 +682,6 @@ def _position(words: Sequence[bytes], line: int) -> tuple[float, float, float]:
     if b"_" in b"".join(words):  # which Python reads over
         raise UnreadableError(f"line {line}: {_quoted(*words)} are no three numbers")
     return x, y, z
-
-
-def _check_numbers(words: Sequence[bytes], line: int) -> None:
-    """Refuse words that are no numbers: of a line that has lost its end, they are the next one."""
-    try:
-        for word in words:
-            float(word)
-    except ValueError as error:
-        raise UnreadableError(f"line {line}: {_quoted(*words)}: no numbers") from error
 
 
 def _integers(words: Sequence[bytes], line: int) -> list[int]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, Future
 from functools import partial
 from itertools import islice
 from typing import Any
 
-from synthnet.processes import WorkerContext, begin_worker
+from synthnet.processes import begin_worker, worker_pool
 from synthnet.spectrum.inputs import as_mesh, check_count
 from synthnet.spectrum.operators import PLAIN, Operator
 from synthnet.spectrum.solve import compile_solver, compute
@@ -60,16 +60,13 @@ def spectra(
         yield from map(solve, meshes)
         return
     compile_solver()  # once, before all of them would
-    with ProcessPoolExecutor(workers, WorkerContext(), initializer=begin_worker) as pool:
+    with worker_pool(workers, begin_worker) as pool:
         futures = _submitted(pool, solve, meshes)
         waiting = deque(islice(futures, 2 * workers))
-        try:
-            while waiting:
-                found = waiting.popleft().result()
-                waiting.extend(islice(futures, 1))
-                yield found
-        finally:
-            pool.shutdown(cancel_futures=True)
+        while waiting:
+            found = waiting.popleft().result()
+            waiting.extend(islice(futures, 1))
+            yield found
 
 
 def _submitted(

@@ -16,8 +16,8 @@ from synthnet.spectrum import fem
 from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.types import Mesh
 
-JOINED = "compute(…, repair=True) joins equal corners"  # the ends of warnings
-PARTED = "compute(…, repair=True) parts them"
+JOINED = "compute(…, repair=True).mesh has equal corners joined"  # the ends of warnings
+PARTED = "compute(…, repair=True).mesh has them parted"
 
 
 def warn_of_sheets(mesh: Mesh, stacklevel: int) -> None:
@@ -43,7 +43,7 @@ def warn_of_sheets(mesh: Mesh, stacklevel: int) -> None:
         warnings.warn(
             f"{many} edges have more than two faces: eigenfunctions are those of all sheets joined "
             "there, which is no surface; `synthnet import` cuts where sheets are clearly pairs, "
-            'Operator(elements="tufted") takes the mesh as it is',
+            'compute with Operator(elements="tufted") takes the mesh as it is',
             stacklevel=stacklevel,
         )
     elif pinched:

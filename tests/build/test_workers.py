@@ -68,6 +68,20 @@ def test_workers_do_not_run_the_script_that_starts_them(from_input, tmp_path):
     assert (done.stdout, done.stderr) == ("script\nworker\n", "")
 
 
+def test_threads_that_start_workers_at_once_leave_the_script_in_its_place():
+    main = sys.modules["__main__"]
+
+    def start(number):
+        process = processes.WorkerContext().Process(target=int)
+        process.start()
+        process.join()
+        return process.exitcode
+
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(start, range(4))) == [0] * 4
+    assert sys.modules["__main__"] is main
+
+
 def test_few_shards_are_submitted_at_a_time(small, tmp_path):
     at_once, most = set(), []
 

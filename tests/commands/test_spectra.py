@@ -84,7 +84,7 @@ def test_files_have_other_operators(run, files, tmp_path):
     assert cells[8:] == ["linear", "lumped", "neumann"]
     expected = compute(trimesh.load(files[0]), 5, operator=Operator(mass="lumped")).eigenvalues
     np.testing.assert_allclose(values, expected, rtol=1e-9)
-    assert only_line(*run("certify", files[0], answer)).endswith("add --mass lumped")
+    assert only_line(*run("certify", files[0], answer)).endswith("give --mass lumped")
     assert run("certify", files[0], answer, "--mass", "lumped")[0] == 0
     code, _, err = run("spectrum", files[0], "--boundary", "dirichlet")
     assert code == 2
@@ -142,6 +142,7 @@ def test_an_answer_is_judged(run, files, tmp_path):
         ("file,lambda_1\nb/a.ply,9\na.ply,1.5\n", [1.5]),
         ("id, file, lambda_1, lambda_2\n0, a.ply, 1.5, 2.5\n", [1.5, 2.5]),
         ('"file", "vertices", "lambda_1"\n"a.ply", 42, 1.5\n', [1.5]),
+        ("file,lambda_1,mass,boundary\na.ply,1.5,3.2,\n", [1.5]),  # in kilograms
     ],
 )
 def test_an_answer_is_read_whole(text, values, tmp_path):
@@ -171,8 +172,8 @@ def test_an_answer_is_read_whole(text, values, tmp_path):
         ("index,value\n1,2.5\n2,3.5\n", "several columns, index, value: name one 'eigenvalue'"),
         ("index,eigenvalue\n1,2.5\n3.5\n", "give each row a cell of every column"),
         (
-            "file,lambda_1,elements,mass,boundary\na.ply,1,linear,lumped,neumann\n",
-            "row 2: eigenvalues of mass lumped, not consistent: add --mass lumped",
+            "file,lambda_1,elements,mass,boundary\na.ply,1,tufted,lumped,neumann\n",
+            "row 2: eigenvalues of another operator: give --elements tufted --mass lumped",
         ),
     ],
 )

@@ -131,9 +131,12 @@ def test_lines_of_one_file_end_in_several_ways(kind):
             assert faces_of(mixed, kind) == whole
 
 
-def test_a_line_of_obj_that_runs_into_the_next_is_refused():
-    text = VERTICES + "f 1 2 3\nf 1 3 4\n"
-    assert refused(text.replace("\nf", " f", 1), ".obj") == "line 4: 'f 1 2 3': no numbers"
+@pytest.mark.parametrize("before", ["v 5 5 5", "v 5 5 5 1 0 0", "vn 0 0 1", "l 1 2", "s off"])
+def test_a_line_of_obj_that_has_lost_its_end_is_refused(before):
+    text = f"{VERTICES}{before}\nf 1 2 3\nf 1 3 4\n"
+    assert faces_of(text, ".obj") == HALVES
+    message = "line 5: 'f' must begin a line of its own"
+    assert refused(text.replace("\nf", " f", 1), ".obj") == message
 
 
 @pytest.mark.parametrize("newline", [b"\n", b"\r\n"])

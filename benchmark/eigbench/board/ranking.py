@@ -138,15 +138,9 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
         If the two do not predict the same instances at the same target.
     """
     if a.truth.digest != b.truth.digest:
-        for row in (a, b):
-            if row.result["partial"]:
-                raise EigbenchError(
-                    f"{row.result_path} is of the first {len(row.truth.ids):,} instances alone "
-                    "(--limit): compare results of the same"
-                )
         raise EigbenchError(
             f"{a.result_path} and {b.result_path} predict other instances: compare results of "
-            "one dataset, split and protocol"
+            "one dataset, split and protocol, whole or with the same --limit"
         )
     truth = a.truth if family is None else a.truth.take(a.truth.families == family)
     chosen = slice(None) if family is None else a.truth.families == family

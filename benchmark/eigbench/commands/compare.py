@@ -155,7 +155,10 @@ def plot(options: argparse.Namespace) -> int:
         read = (submission.read(path, None, dataset) for path in options.results)
         unordered = [arguments.beside(row, options.target) for row in read]
         if len({row.truth.digest for row in unordered}) > 1:
-            raise EigbenchError("the results are of different datasets, splits or protocols")
+            raise EigbenchError(
+                "the results are of different datasets, splits or protocols, or of parts of one "
+                "(--limit)"
+            )
         make_directory(options.out, "--out")
         for row in unordered:
             queries.note(dataset, "plot", row.name, row.result["predictions"]["sha256"])
@@ -170,10 +173,11 @@ def plot(options: argparse.Namespace) -> int:
             figures.save(path, figure)
         written.append(options.out / "error-time.svg")
         write_text(written[-1], figures.error_against_time(rows, options.metric))
-        for number, row in enumerate(rows):
-            before = sum(other.slug == row.slug for other in rows[:number])
-            again = f"-{before + 1}" if before else ""  # of a name that several results have
-            path = options.out / f"spectra-{row.slug}{again}.png"
+        for row in rows:
+            path, number = options.out / f"spectra-{row.slug}.png", 1
+            while path in written:  # of another result of that name
+                number += 1
+                path = options.out / f"spectra-{row.slug}-{number}.png"
             figures.save(path, error_figures.spectra(row))
             written.append(path)
     files = list(map(str, written))

@@ -241,7 +241,8 @@ def as_array(answer: Any) -> NDArray[Any]:
     try:
         array = np.asarray(answer.detach().cpu() if hasattr(answer, "detach") else answer)
     except (ValueError, TypeError) as error:
-        hint = ": return answer.float()" if hasattr(answer, "detach") else ""
+        unknown = "ScalarType" in str(error)  # of PyTorch, as bfloat16
+        hint = ": NumPy has no such dtype, .float() makes it one" if unknown else ""
         raise PredictorError(f"the answer is no array: {described(error)}{hint}") from error
     if array.dtype.hasobject and array.ndim == 0:
         if answer is None:

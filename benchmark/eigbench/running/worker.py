@@ -11,7 +11,7 @@ import socket
 import sys
 import traceback
 from collections.abc import Sequence
-from dataclasses import FrozenInstanceError, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,8 @@ from synthnet.types import Mesh
 LONGEST, LONGEST_PATH = 10_000, 900  # letters of a message, and of a path
 LONGEST_TRACE = 100_000  # letters of a traceback; each is up to twelve bytes of a frame
 MOST_ATTEMPTS = 1000
+# What NumPy and dataclasses say to who changes a mesh
+CHANGES = ("read-only", "cannot assign to field 'vertices'", "cannot assign to field 'faces'")
 FACTS = ("meta", "parameters", "seeded", "trained")  # of a predictor that is loaded
 WATCHED = {  # Python's audit events, and what they are here
     **dict.fromkeys(("open", "os.listdir", "os.scandir"), "read"),
@@ -141,8 +143,9 @@ def _answer(loaded: predictor.Predictor, meshes: Sequence[Mesh], job: Job) -> ND
     except BaseException as error:  # the harness ends it otherwise
         file, _ = predictor.split(Path(job.path))
         described = predictor.described(error, file)
-        changes = "read-only" in described or isinstance(error, FrozenInstanceError)
-        hint = "; meshes are read-only: copy what you change" if changes else ""
+        hint = ""
+        if any(text in described for text in CHANGES):
+            hint = "; meshes are read-only: copy what you change"
         raise PredictorError(f"the predictor failed: {described}{hint}") from error
     return predictor.checked(answer, len(meshes), job.k)
 

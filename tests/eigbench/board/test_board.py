@@ -269,9 +269,6 @@ def test_results_of_two_splits_are_not_compared(read):
     other = replace(read["one"], truth=read["one"].truth.head(10))
     with pytest.raises(EigbenchError, match="predict other instances"):
         ranking.difference(other, read["far"], "rpd")
-    part = replace(other, result={**other.result, "partial": True})
-    with pytest.raises(EigbenchError, match=r"is of the first 10 instances alone \(--limit\)"):
-        ranking.difference(part, read["far"], "rpd")
 
 
 # --- the page ----------------------------------------------------------------------------

@@ -250,7 +250,7 @@ CASES = {
         ("csv-head", csv(head="id" + ",a" * 5000), "columns, at most 100"),
         ("csv-rows", csv(lines=401), "more than 400 lines"),
         ("csv-column-twice", csv(head=HEAD + ",id"), "the column 'id' is there twice"),
-        ("csv-bytes", content(b"\xff\xfe\x00"), "cannot be read"),
+        ("csv-bytes", content(b"\xff\xfe\x00"), "is no UTF-8: save it as UTF-8"),
         ("csv-words", csv(more=LINE.format("x").replace("1", "one")), "cannot be read"),
         ("csv-bidi", csv(more=LINE.format("a\u202eb")), r"not in the split: a\\u202eb"),
     ],

@@ -353,8 +353,10 @@ def test_answer_that_is_no_batch_of_spectra_is_refused(answer, message):
 
 def test_a_tensor_that_numpy_has_no_dtype_for_has_a_remedy():
     torch = pytest.importorskip("torch")
-    with pytest.raises(PredictorError, match=r"BFloat16: return answer.float\(\)$"):
+    with pytest.raises(PredictorError, match=r"BFloat16: NumPy has no such dtype, \.float"):
         predictor.as_array(torch.ones((4, 10), dtype=torch.bfloat16))
+    with pytest.raises(PredictorError, match=r"to_dense\(\) first\.$"):
+        predictor.as_array(torch.ones((4, 10)).to_sparse())
 
 
 # --- what a predictor sees -------------------------------------------------------------
