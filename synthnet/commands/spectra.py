@@ -473,7 +473,7 @@ def _of_mesh(text: str, mesh: Path, path: Path, operator: Operator) -> tuple[int
         raise AnswerError(f"{path} has {len(mine)} rows of {mesh.name}, where one is needed{which}")
     ((line, row),) = mine
     of = dict(zip(header, (cell.strip(BESIDE) for cell in row), strict=True))
-    known = {"elements": MASSES, "mass": SHARES, "boundary": BOUNDARIES}
+    known = {"elements": set(MASSES), "mass": set(SHARES), "boundary": set(BOUNDARIES)}
     asked = _named(operator)
     others = [f"--{o} {of[o]}" for o in known if of.get(o) in known[o] and of[o] != asked[o]]
     if others:
