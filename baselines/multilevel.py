@@ -87,7 +87,7 @@ FEWEST = 32  # vertices of a coarse level
 CERTIFIED = 5_000  # vertices up to which the certified solver takes no longer than a test would
 COARSER = replace(SETTING, vectors=24, cycles=2, enough=0.0)  # below the finest level: is cheap
 VECTORS, CYCLES = 16, 2  # on the finest level
-COARSEST = 512  # vertices of the coarsest level; the next would be too small from up to 400
+COARSEST = 512  # vertices of a coarsest level that is solved: the next one may have too few
 FLAT = 200  # largest diagonal entry of A, half the cotangents around a vertex: 3.5 if regular
 RESIDUAL = 0.0025  # share of a value that a cycle may leave in its residual
 
