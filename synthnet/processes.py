@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from multiprocessing import connection, resource_tracker
 from multiprocessing.context import SpawnContext, SpawnProcess
@@ -101,7 +101,7 @@ def more_memory(otherwise: str) -> str:
 
 
 class _Worker(SpawnProcess):
-    """A process in which Ctrl-C waits for :func:`begin_worker`, and the caller's script is not run.
+    """A process that leaves Ctrl-C to its parent, ends with it, and does not run its script.
 
     A spawned process imports ``__main__`` anew, for what may be defined there. Here that is
     nothing, and a script without ``if __name__ == "__main__":`` would start more processes.
@@ -120,23 +120,27 @@ class _Worker(SpawnProcess):
                 sys.modules["__main__"] = main
                 signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
+    def run(self) -> None:
+        """Do the work, in the process itself: SIGINT is ignored now, and need not be blocked."""
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        follow_parent()
+        super().run()
+
 
 class WorkerContext(SpawnContext):
-    """Spawns worker processes: no fork copies the threads that Open3D and BLAS have.
-
-    What they call must begin with :func:`begin_worker`.
-    """
+    """Spawns worker processes: no fork copies the threads that Open3D and BLAS have."""
 
     Process = _Worker
 
 
 @contextmanager
-def worker_pool(
-    count: int, begin: Callable[..., None], *arguments: object
-) -> Iterator[ProcessPoolExecutor]:
+def worker_pool(count: int, begin: Callable[[], None] | None = None) -> Iterator[Executor]:
     """Give worker processes that call ``begin`` first; on an error or Ctrl-C they end at once."""
+    from concurrent.futures import ProcessPoolExecutor  # which most commands need not load
+
     others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(count, WorkerContext(), begin, arguments)
+    pool = ProcessPoolExecutor(count, WorkerContext(), begin)
     try:
         yield pool
     except BaseException:
@@ -145,13 +149,6 @@ def worker_pool(
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
-
-
-def begin_worker() -> None:
-    """Leave Ctrl-C to the parent, and end this process when the parent is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    follow_parent()
 
 
 def follow_parent() -> None:

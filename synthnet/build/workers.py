@@ -15,13 +15,14 @@ from concurrent.futures import CancelledError, Executor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from importlib import resources
 from typing import Any, TypeAlias
 
 import threadpoolctl
 
 from synthnet.errors import BuildError, MissingPackageError, needed_by
-from synthnet.processes import THREADS, begin_worker, cores, more_memory, worker_pool
+from synthnet.processes import THREADS, cores, more_memory, worker_pool
 
 CONNECT_SECONDS = 10
 
@@ -67,7 +68,8 @@ def local_processes(workers: int | None = None, preload: str | None = None) -> I
     """
     count = workers or cores()
     try:
-        with worker_pool(count, _start_worker, preload) as pool:
+        begin = None if preload is None else partial(_load, preload)
+        with worker_pool(count, begin) as pool:
             yield Workers(pool, lambda: count)
     except BrokenProcessPool as error:
         raise BuildError(
@@ -76,12 +78,10 @@ def local_processes(workers: int | None = None, preload: str | None = None) -> I
         ) from error
 
 
-def _start_worker(preload: str | None) -> None:
-    """Begin a worker process, and load what the work needs."""
-    begin_worker()
+def _load(module: str) -> None:
+    """Import a module that the work needs."""
     try:
-        if preload is not None:
-            importlib.import_module(preload)
+        importlib.import_module(module)
     except MemoryError:
         os._exit(1)  # the parent says so in one line; here it would be a traceback
 

@@ -20,7 +20,7 @@ import numpy as np
 from synthnet.errors import MissingPackageError, SynthNetError
 from synthnet.mesh import formats
 from synthnet.mesh.formats import Triangles, UnreadableError, kind_of, no_mesh
-from synthnet.processes import WorkerContext, begin_worker
+from synthnet.processes import WorkerContext
 from synthnet.types import Mesh
 
 SECONDS, GIGABYTES = 120.0, 8.0
@@ -129,7 +129,6 @@ class Reader:
 
 def _serve(channel: Connection, seconds: float, gigabytes: float) -> None:
     """Answer each request, until there is nobody to ask."""
-    begin_worker()
     _limit(resource.RLIMIT_CORE, 0)
     _limit(resource.RLIMIT_AS, round(gigabytes * 2**30))
     while True:

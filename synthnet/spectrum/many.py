@@ -9,7 +9,7 @@ from functools import partial
 from itertools import islice
 from typing import Any
 
-from synthnet.processes import begin_worker, worker_pool
+from synthnet.processes import worker_pool
 from synthnet.spectrum.inputs import as_mesh, check_count
 from synthnet.spectrum.operators import PLAIN, Operator
 from synthnet.spectrum.solve import compile_solver, compute
@@ -60,7 +60,7 @@ def spectra(
         yield from map(solve, meshes)
         return
     compile_solver()  # once, before all of them would
-    with worker_pool(workers, begin_worker) as pool:
+    with worker_pool(workers) as pool:
         futures = _submitted(pool, solve, meshes)
         waiting = deque(islice(futures, 2 * workers))
         while waiting:

@@ -224,10 +224,8 @@ def test_spectra_of_many_are_those_of_each(workers):
 
 
 def test_meshes_of_many_processes_are_read_as_they_are_needed(monkeypatch):
-    def threads(workers, begin):  # processes take long to start
-        return ThreadPoolExecutor(workers)
-
-    monkeypatch.setattr("synthnet.spectrum.many.worker_pool", threads)
+    # Processes take long to start
+    monkeypatch.setattr("synthnet.spectrum.many.worker_pool", ThreadPoolExecutor)
     read = []
 
     def endless():
