@@ -274,10 +274,11 @@ def made_truth():
 def make_scaled(tmp_path_factory):
     """Return a function that makes a result of the scaling track.
 
-    For each size a time, and a factor of the labels; None where it took too long.
+    For each size a time, and a factor of the labels, or of another spectrum of the pinned meshes;
+    None where it took too long.
     """
 
-    def make(name, sizes, hardware="this machine"):
+    def make(name, sizes, hardware="this machine", of="label"):
         meshes = []
         for (size, (seconds, factor)), surface in itertools.product(
             sizes.items(), surfaces.SURFACES
@@ -293,7 +294,7 @@ def make_scaled(tmp_path_factory):
                     "detail": "",
                     "time_limit": 600,
                     "memory_limit_gib": 16,
-                    "eigenvalues": (factor * expected.label).tolist() if answered else None,
+                    "eigenvalues": (factor * getattr(expected, of)).tolist() if answered else None,
                     "seconds": [seconds] if answered else [],
                     "cpu_seconds": [seconds] if answered else [],
                     "peak_memory_mb": 100.0 if answered else None,

@@ -38,8 +38,8 @@ SIGNS: dict[str, dict[str, Any]] = {
 def draw(by_setting: Mapping[str, Sequence[Scaled]]) -> str:
     """Return an SVG with a panel for each hardware label and size, all with the same axes.
 
-    The line is the fastest exact solver on the meshes of all sizes; right of it and of the solver
-    on the meshes of the panel, down from twice their discretisation error, a prediction can win.
+    The line is the fastest exact solver on the meshes of all sizes; right of it, down from twice
+    the discretisation error of the panel's meshes, a prediction can win.
     """
     charts = [chart for label, mine in by_setting.items() for chart in _charts(label, mine)]
     rows = sorted((row for mine in by_setting.values() for row in mine), key=_key)

@@ -31,7 +31,7 @@ def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
     if not rows:
         return [], {}
     sizes, by_setting = scores.sizes(rows), scores.settings(rows)
-    links = f"[Distances, memory, LaPy beside each]({PAGE.as_posix()}) · [JSON]({JSON.as_posix()})"
+    links = f"[All tables]({PAGE.as_posix()}) · [JSON]({JSON.as_posix()})"
     parts = ["## Scaling\n", f"{introduction(sizes)} {links}\n"]
     for label, mine in by_setting.items():
         verdicts = [scores.verdict(mine, size) for size in sizes]
@@ -53,7 +53,7 @@ def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
 
 
 def details(rows: Sequence[Scaled]) -> str:
-    """Return the page of the track: what is faster at each size, and every table."""
+    """Return the page of the track: where predictions win, and every table."""
     sizes = scores.sizes(rows)
     by_name = sorted(rows, key=lambda row: row.slug)
     parts = [
@@ -68,9 +68,10 @@ def details(rows: Sequence[Scaled]) -> str:
             f"## {escaped(label)}\n",
             *answers(verdicts, mine),
             as_markdown(groups["overview"], ordered(mine, sizes[0]), (MODEL, KIND)),
-            f"{groups['distance'].note}\n",
-            as_markdown(groups["distance"], mine, [MODEL]),
         ]
+        for key in ("solver", "mesh"):
+            group = groups[key]
+            parts += [f"### {group.title}\n", f"{group.note}\n", as_markdown(group, mine, [MODEL])]
     for group in (groups["memory"], groups["lapy"]):  # these do not depend on the setting
         parts += [f"## {group.title}\n", f"{group.note}\n", as_markdown(group, by_name, [MODEL])]
     return "\n".join(parts)
@@ -105,17 +106,18 @@ def as_json(rows: Sequence[Scaled]) -> str:
 def introduction(sizes: Sequence[int], root: str = "") -> str:
     """Return what is measured, and when a prediction wins; ``root`` leads to the checkout."""
     return (
-        "Where, if anywhere, does prediction beat the exact solver? The same "
+        "Where, if anywhere, does prediction give the spectrum of a surface faster than the exact "
+        "solver? The same "
         f"{len(surfaces.SURFACES)} surfaces "
         f"({', '.join(family_title(name).lower() for name in surfaces.SURFACES)}) at "
         f"{', '.join(f'{size:,}' for size in sizes)} vertices, one mesh a call "
         f"([what is measured]({root}docs/scaling.md)). Numbers are medians over the surfaces. The "
-        "error is the mean relative error of the ten eigenvalues against the label, the exact "
-        "spectrum of the mesh. The label differs from the surface's spectrum by the discretisation "
-        "error. A prediction wins if it is at least as near to the label as the label is to the "
-        "surface's spectrum, faster than the fastest exact solver, and faster than that solver on "
-        "a coarser mesh with the same error to the surface's spectrum. Times are compared within "
-        "one hardware, device and number of threads only."
+        "error is the mean relative error of the ten eigenvalues against the spectrum of the "
+        "surface. The label is the exact spectrum of the mesh; its error is the discretisation "
+        "error, and rows with that error are exact solvers. A prediction wins if its error is at "
+        "most twice the discretisation error and the fastest exact solver takes longer for the "
+        "same error, on whichever mesh of that surface it takes. Times are compared within one "
+        "hardware, device and number of threads only."
     )
 
 
@@ -144,7 +146,7 @@ def answer(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> str:
         return f"**{WON}.** No exact solver was run in this setting, so nothing can be said.\n"
     lines = []
     for row in sorted(rows, key=lambda row: row.slug):
-        wins = [verdict.faster.get(row.slug, (0, 0))[1] for verdict in verdicts]
+        wins = [verdict.wins.get(row.slug, 0) for verdict in verdicts]
         if any(wins):
             lines.append([row.name, row.result["model"]["kind"], *(str(n or "–") for n in wins)])
     if not lines:
@@ -156,21 +158,14 @@ def answer(verdicts: Sequence[Verdict], rows: Sequence[Scaled]) -> str:
 
 
 def _facts(verdict: Verdict, rows: Sequence[Scaled]) -> str:
-    """Return the line of a size: the exact solver's time, and which models are faster."""
+    """Return the line of a size: the exact solver's time, and which models were not run."""
     own = percent(scores.floor(verdict.size))
     start = f"- {verdict.size:,} vertices, discretisation error {own}: "
-    medians = {row.slug: scores.medians(row, verdict.size) for row in rows}
-    names = {row.slug: row.name for row in rows}
-    absent = "; ".join(names[slug] for slug, mine in medians.items() if not mine.total)
+    absent = "; ".join(row.name for row in rows if not scores.medians(row, verdict.size).total)
     not_run = f" Not run: {absent}." if absent else ""
     if verdict.solver is None:
         return start + escaped(f"no exact solver answered.{not_run}")
     text = f"the fastest exact solver (mostly {verdict.solver}) takes {ms(verdict.seconds)} ms"
     if verdict.compared < len(surfaces.SURFACES):
         text += f" ({verdict.compared} of {len(surfaces.SURFACES)} surfaces)"
-    faster = [
-        f"{names[slug]} ({ms(medians[slug].seconds)} ms, error {percent(medians[slug].error)})"
-        for slug in sorted(verdict.faster, key=lambda slug: (medians[slug].error, slug))
-    ]
-    text += f". Faster, on some surface: {', '.join(faster) or 'none'}."
-    return start + escaped(text + not_run)
+    return start + escaped(f"{text}.{not_run}")

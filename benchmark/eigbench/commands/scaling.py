@@ -73,12 +73,14 @@ def scale(options: argparse.Namespace) -> int:
         row = [f"{size:,}", family_title(surface), f"{100 * own:.2g} %"]
         if mesh["outcome"] == ANSWERED:
             seconds, memory = scaling_scores.seconds(mesh), mesh["peak_memory_mb"]
-            error = f"{100 * scaling_scores.error(mesh):.2g} %"
-            row += [error, f"{1e3 * seconds:,.2f}", f"{memory:,.0f}", ""]
+            of_both = scaling_scores.distance(mesh), scaling_scores.error(mesh)
+            row += [f"{100 * error:.2g} %" for error in of_both]
+            row += [f"{1e3 * seconds:,.2f}", f"{memory:,.0f}", ""]
         else:
-            row += ["", "", "", f"{mesh['outcome']}: {mesh['detail']}"]
+            row += ["", "", "", "", f"{mesh['outcome']}: {mesh['detail']}"]
         rows.append(row)
-    headers = ["vertices", "surface", "discretisation error", "error", "ms", "peak MB", ""]
+    errors = ["discretisation error", "error to the surface", "to the mesh"]
+    headers = ["vertices", "surface", *errors, "ms", "peak MB", ""]
     print(f"{result['model']['name']}, one mesh a call\n")
     print(tabulate(rows, headers=headers, disable_numparse=True))
     print(f"\nresult {out}")

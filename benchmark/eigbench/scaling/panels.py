@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eigbench.scaling import scores, surfaces
+from eigbench.scaling import scores
 from eigbench.scaling.results import Scaled
 from eigbench.scaling.scores import Verdict
 
@@ -19,31 +19,29 @@ class Panel:
     lapy_seconds: float
     # Speed and error of the fastest exact solver on the meshes of each size, coarse to fine
     solver: Sequence[tuple[float, float]]
-    # Speed and error along the left border of where a prediction can win, upwards; it reaches right
-    # and down from there. Empty where no exact solver answered every surface
+    # Speed and error along the left border of where a prediction can win, upwards: the solver's
+    # line. It reaches right and down from there. Empty where no exact solver answered every surface
     border: Sequence[tuple[float, float]]
 
 
 def panel(rows: Sequence[Scaled], verdicts: Sequence[Verdict], size: int) -> Panel:
     """Return what a chart of one size has beside the models.
 
-    To win, a prediction must be faster than the exact solver on these meshes and, where its own
-    error is larger than theirs, on meshes just as coarse. An answer that is nearer to the label
-    than the label is to the surface is off by at most twice the discretisation error.
+    To win, a prediction must be faster than the exact solver is for the same error, and that error
+    is at most :data:`scores.NEAR` times the discretisation error of these meshes.
 
     The rows are of one setting, the verdicts of these rows, one a size.
     """
     lapy = lapy_seconds(rows, size)
-    known = np.isfinite(lapy)
-    whole = [v for v in verdicts if known and v.compared == len(surfaces.SURFACES)]
-    times = {v.size: v.seconds for v in whole}
-    errors = {v.size: scores.floor(v.size) for v in whole}
-    solver = [(lapy / times[n], errors[n]) for n in sorted(times)]
+    times = scores.whole_seconds(verdicts) if np.isfinite(lapy) else {}
+    errors = {size: scores.floor(size) for size in times}
+    solver = [(lapy / times[n], errors[n]) for n in times]
     border: list[tuple[float, float]] = []
     if size in times:
-        own = errors[size]
-        slow = scores.interpolated_seconds(errors, times, 2 * own)
-        border = [(lapy / times[size], own), (lapy / slow, 2 * own)]
+        top = scores.NEAR * errors[size]
+        below = sorted((errors[n], lapy / times[n]) for n in times if errors[n] < top)
+        border = [(speed, error) for error, speed in below]
+        border.append((lapy / scores.interpolated_seconds(errors, times, top), top))
     return Panel(size, lapy, solver, border)
 
 

@@ -1,11 +1,13 @@
 """What the results of the scaling track say: errors, times, and whether prediction wins.
 
 An exact solver is recognised by its answers: on a mesh, every model within :data:`EXACT` of the
-label in every eigenvalue is one. A prediction wins on a mesh if it is faster than the fastest of
-these on the same machine, no further from the label than the label is from the surface's spectrum,
-and also faster than these are on a coarser mesh of that surface just as far from its spectrum.
+label in every eigenvalue is one. Every other answer is a prediction, that of other elements too. It
+wins on a mesh if its error to the surface's spectrum is at most :data:`NEAR` times that of the
+label, and the fastest exact solver on the same machine takes longer to reach this error, on the
+mesh of that surface that it takes for it, be that coarser or finer than this one.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +19,7 @@ from eigbench.scaling import surfaces
 from eigbench.scaling.results import ANSWERED, Scaled
 
 EXACT = 1e-9  # relative, of every eigenvalue: solvers are within 1e-11, a good fit is not
+NEAR = 2.0  # times the discretisation error; a larger error is a trade against time, not a win
 SAME = 1e-6  # relative: distances from a surface that differ by less are equal
 
 
@@ -35,16 +38,14 @@ class Medians:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What is faster than the exact solver at one size."""
+    """Where predictions beat the exact solver at one size."""
 
     size: int  #: nominal number of vertices
     #: The model that is exact and fastest on most surfaces; ``None`` if none answered exactly.
     solver: str | None
     seconds: float  #: median over the surfaces of the fastest exact time; NaN if there is none
     compared: int  #: surfaces on which there is an exact time
-    #: By slug of each model that is faster somewhere and not exact there, on how many of these
-    #: surfaces it is, and on how many it wins.
-    faster: Mapping[str, tuple[int, int]]
+    wins: Mapping[str, int]  #: by slug of each model that wins somewhere, on how many surfaces
 
 
 def settings(rows: Sequence[Scaled]) -> dict[str, list[Scaled]]:
@@ -111,7 +112,7 @@ def floor(size: int) -> float:
     return float(np.median(errors))
 
 
-def coarse_seconds(verdicts: Sequence[Verdict], distance: float) -> tuple[str, float]:
+def solver_seconds(verdicts: Sequence[Verdict], distance: float) -> tuple[str, float]:
     """Return what an exact solver takes on a mesh just fine enough for an error.
 
     Between two sizes time is a power of the discretisation error.
@@ -129,11 +130,11 @@ def coarse_seconds(verdicts: Sequence[Verdict], distance: float) -> tuple[str, f
         ``<``, ``>`` or nothing, and seconds: beyond the sizes there is only a bound. NaN where no
         size counts.
     """
-    whole = [v for v in verdicts if v.compared == len(surfaces.SURFACES)]
-    if not whole:
+    times_by_size = whole_seconds(verdicts)
+    if not times_by_size:
         return "", np.nan
-    errors = np.array([floor(v.size) for v in whole])
-    times = np.array([v.seconds for v in whole])
+    errors = np.array([floor(size) for size in times_by_size])
+    times = np.array([*times_by_size.values()])
     if distance > errors[0] * (1 + SAME):
         return "< ", float(times[0])
     if distance < errors[-1] * (1 - SAME):
@@ -141,6 +142,25 @@ def coarse_seconds(verdicts: Sequence[Verdict], distance: float) -> tuple[str, f
     order = np.argsort(errors)
     log = np.interp(np.log(distance), np.log(errors[order]), np.log(times[order]))
     return "", float(np.exp(log))
+
+
+def whole_seconds(verdicts: Sequence[Verdict]) -> dict[int, float]:
+    """Return the time of an exact solver by size, ascending, where one answered every surface."""
+    every = len(surfaces.SURFACES)
+    return at_most({v.size: v.seconds for v in verdicts if v.compared == every})
+
+
+def at_most(times: Mapping[int, float]) -> dict[int, float]:
+    """Return times by size, ascending: of the size or, if one is less, of a larger size.
+
+    Examples
+    --------
+    >>> at_most({100: 3.0, 10: 2.0, 1000: 4.0, 1: 9.0})
+    {1: 2.0, 10: 2.0, 100: 3.0, 1000: 4.0}
+    """
+    sizes = sorted(times, reverse=True)
+    least = np.minimum.accumulate([times[size] for size in sizes]).tolist()
+    return dict(zip(reversed(sizes), reversed(least), strict=True))
 
 
 def equal_seconds(surface: str, times: Mapping[int, float], distance: float) -> float:
@@ -177,29 +197,27 @@ def beside_seconds(row: Scaled, size: int) -> float | None:
 
 
 def verdict(rows: Sequence[Scaled], size: int) -> Verdict:
-    """Return what is faster than the exact solver; the rows are of one setting."""
+    """Return where predictions beat the exact solver; the rows are of one setting."""
     fastest: dict[str, tuple[float, str]] = {}
-    counts: dict[str, tuple[int, int]] = {}
+    wins: Counter[str] = Counter()
     for surface in surfaces.SURFACES:
         exact = {n: best for n in sizes(rows) if (best := _fastest_exact(rows, surface, n))}
         if size not in exact:
             continue
         fastest[surface] = exact[size]
-        times = {n: time for n, (time, _) in exact.items()}
-        own = surfaces.pinned(surface, size).discretisation_error
+        times = at_most({n: time for n, (time, _) in exact.items()})
+        near = NEAR * surfaces.pinned(surface, size).discretisation_error
         for row, mesh in _answers(rows, surface, size):
-            if seconds(mesh) < times[size] and not is_exact(mesh):
-                faster, wins = counts.get(row.slug, (0, 0))
-                equal = equal_seconds(surface, times, distance(mesh))
-                won = error(mesh) <= own and seconds(mesh) < equal
-                counts[row.slug] = faster + 1, wins + won
+            if distance(mesh) > near or is_exact(mesh):
+                continue
+            wins[row.slug] += seconds(mesh) < equal_seconds(surface, times, distance(mesh))
     names = [name for _, name in fastest.values()]
     return Verdict(
         size,
         max(sorted(set(names)), key=names.count) if names else None,
         float(np.median([time for time, _ in fastest.values()])) if names else np.nan,
         len(names),
-        dict(sorted(counts.items())),
+        {slug: count for slug, count in sorted(wins.items()) if count},
     )
 
 

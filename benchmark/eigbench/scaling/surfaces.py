@@ -7,8 +7,7 @@ vertices. Label and surface are two things: the label :math:`\lambda_h` is the s
 .. math::
     \frac{1}{k} \sum_i \frac{|\lambda_{h,i} - \lambda_i|}{\lambda_i} = O(h^2)
 
-is the mesh's discretisation error: as an estimate of the surface's spectrum, a prediction nearer to
-the label than that is as good as the label.
+is the mesh's discretisation error.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -61,7 +61,7 @@ def _panel(label: str, rows: Sequence[Scaled], panel: Panel, verdict: Verdict) -
             "error": six_digits(middle.distance),
             "shown": percent(middle.distance),
             "answered": middle.answered,
-            "wins": verdict.faster.get(row.slug, (0, 0))[1],
+            "wins": verdict.wins.get(row.slug, 0),
         }
         for row in rows
         if (middle := scores.medians(row, panel.size)).answered
@@ -86,7 +86,10 @@ def _groups(sizes: Sequence[int], verdicts: Sequence[Verdict]) -> list[Group[Sca
 def opened(row: Scaled, code: str) -> dict[str, Any]:
     """Return what the page shows of a row of the scaling track when it is opened."""
     sizes = scores.sizes([row])
-    headers = ["surface", *(f"{size:,}: {what}" for size in sizes for what in ("error", "ms"))]
+    headers = [
+        "surface",
+        *(f"{size:,}: {what}" for size in sizes for what in ("error to the surface", "ms")),
+    ]
     lines = [
         [family_title(surface), *(text for size in sizes for text in _of_mesh(row, surface, size))]
         for surface in surfaces.SURFACES
@@ -105,10 +108,10 @@ def opened(row: Scaled, code: str) -> dict[str, Any]:
 
 
 def _of_mesh(row: Scaled, surface: str, size: int) -> tuple[str, str]:
-    """Return the error and the ms of a mesh, or why there is none."""
+    """Return the error to the surface and the ms of a mesh, or why there is none."""
     mesh = row.meshes.get((surface, size))
     if mesh is None:
         return "not run", "not run"
     if mesh["outcome"] != ANSWERED:
         return mesh["outcome"], mesh["outcome"]
-    return percent(scores.error(mesh)), ms(scores.seconds(mesh))
+    return percent(scores.distance(mesh)), ms(scores.seconds(mesh))

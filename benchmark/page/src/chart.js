@@ -93,8 +93,8 @@ function oneSize({ box, panel, points }, { domain, kinds, open }) {
   const said = `Error to the surface against speed beside LaPy at ${thousands(panel.size)} vertices, ${points.length} models. On most surfaces win: ${winners.join(", ") || "none"}. The table has all numbers.`;
   const far = 10 * domain.x[1];
   const low = domain.y[0] / 10;
-  const [from, to] = panel.border.map(percent);
-  const region = from ? through([[from[0], low], from, to, [far, to[1]], [far, low]], { fill: "var(--front)", fillOpacity: 0.16, stroke: "none" }) : null;
+  const border = panel.border.map(percent);
+  const region = border.length ? through([[border[0][0], low], ...border, [far, border.at(-1)[1]], [far, low]], { fill: "var(--front)", fillOpacity: 0.16, stroke: "none" }) : null;
   const solver = through(panel.solver.map(percent), { stroke: "currentColor", strokeOpacity: 0.5, strokeWidth: 1.5 });
   const unnamed = scatter(box, { points, below: [region, solver].filter(Boolean), domain, title: "mean relative error to the surface, %", said, kinds, open });
   const list = listed("Without a name in the picture: ", unnamed.map((one) => `${one.row.name} (${one.shown}, ${one.times})`));

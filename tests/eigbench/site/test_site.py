@@ -420,10 +420,12 @@ def test_an_imported_mesh_is_not_shown_and_that_is_said(made_content):
 def test_scaling_has_each_size_and_says_what_took_too_long(made_content):
     board = read(made_content, "boards/scaling.js")
     slow = next(row for row in board["rows"] if row["name"] == "Slow solver")
-    assert slow["cells"]["error-10000"] == ["over 600 s", None]
+    assert slow["cells"]["distance-10000"] == ["over 600 s", None]
+    assert slow["cells"]["error-1000"] == ["exact", pytest.approx(1e-11, rel=1e-4)]
     assert slow["cells"]["lapy-1000"] == ["not run", None]
     near = next(row for row in board["rows"] if row["name"] == "Near")
-    assert re.fullmatch(r"\d\.\d+ % \([<>]? ?\d+\.\d+\)", near["cells"]["distance-1000"][0])
+    assert near["cells"]["error-1000"] == ["0.500 %", 0.005]
+    assert near["cells"]["solver-1000"] == ["< 100.00", 100]  # no coarser mesh was solved
     assert board["rows"][0]["name"] == "Near"  # the fastest
     small, large = board["panels"]
     assert (small["size"], large["size"]) == (1_000, 10_000)
@@ -432,10 +434,13 @@ def test_scaling_has_each_size_and_says_what_took_too_long(made_content):
     drawn = {point["slug"]: point for point in small["points"]}
     assert (drawn["lapy"]["speed"], drawn["exact"]["speed"], drawn["near"]["speed"]) == (1, 5, 50)
     assert (drawn["near"]["wins"], drawn["exact"]["wins"]) == (6, 0)
-    (speed, own), (_, most) = small["border"]
-    assert speed == 5  # the exact solver's on the same meshes
+    (finer, _), (speed, own), (_, most) = small["border"]
+    assert (finer, speed) == (0.5, 5)  # the exact solver's on meshes of 10,000, and on these
     assert most == pytest.approx(2 * own, rel=1e-5)
     assert drawn["exact"]["error"] == pytest.approx(own, rel=1e-5)
+    (speed, own), (_, most) = large["border"]
+    assert speed == 5
+    assert most == pytest.approx(2 * own, rel=1e-5)
     opened = read(made_content, "rows/scaling/slow-solver.js")
     assert opened["tables"][0]["rows"][0][-1] == "over time"
 
