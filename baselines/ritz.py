@@ -33,7 +33,7 @@ def polynomials(vertices: np.ndarray, degree: int) -> np.ndarray:
 
 
 def ritz_values(mesh: Mesh, degree: int, count: int = 10) -> np.ndarray:
-    """Return the first ``count`` Ritz values after zero.
+    """Return the first ``count`` Ritz values after zero, ascending, in 1/length².
 
     Where the surface makes polynomials agree, as a plane does, the degree is raised until they
     span enough functions.

@@ -72,7 +72,10 @@ def products(x, faces, basis, a, b):  # type: ignore[no-untyped-def]
 
 
 def ritz_values(x: np.ndarray, faces: np.ndarray, scales: np.ndarray, degree: int) -> np.ndarray:
-    """Return the Ritz values after zero; x is centred and lies in principal axes."""
+    """Return the Ritz values after zero, ascending, in 1/length².
+
+    ``x`` are the vertices, shape (n, 3), float64, centred and in principal axes.
+    """
     terms = (degree + 1) * (degree + 2) * (degree + 3) // 6
     columns = -(-terms // 4) * 4  # a column of zeros costs less than an odd number of them
     basis, a, b = (np.zeros((len(x), columns)) for _ in range(3))

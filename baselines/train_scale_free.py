@@ -2,8 +2,9 @@
 
     python -m baselines.train_scale_free --runs runs
 
-It is trained once with everything, once for each protocol and once without each family, of which
-isometric ones are left out together: 26 trainings of two to seven minutes on two cores. What is
+It is trained once with everything, once for each protocol and once without each family, where
+families that share surfaces are left out together: 24 trainings of two to seven minutes on two
+cores. (The committed weights are of 26, by an earlier rule of which families do.) What is
 finished in --runs is left as it is, an interrupted training goes on. When all are finished their
 weights go to baselines/gcn_scale_free.safetensors.
 """

@@ -24,7 +24,7 @@ class Mesh:
     Parameters
     ----------
     vertices : ndarray of shape (n, 3), float32 or float64
-        Coordinates; one length unit is the radius or width of the primitive.
+        Coordinates in the mesh's own unit of length: in 1.0 a radius or width of the primitive.
     faces : ndarray of shape (m, 3), integer
         Vertex numbers of each triangle, counter-clockwise seen from outside.
 

@@ -17,7 +17,7 @@ from typing import Any
 from synthnet import recipe, store
 from synthnet.build import jobs
 from synthnet.build.jobs import BuildReport, Job, Options, Task, Watcher
-from synthnet.build.sources import FilePlan, Places, plan_files
+from synthnet.build.sources import FilePlan, Inputs, plan_files
 from synthnet.build.surfaces import LIMITS, Settings, count_parts, import_file
 from synthnet.build.terms import SHARDS, made_with, terms_of
 from synthnet.build.workers import Engine
@@ -38,7 +38,7 @@ LESS = 0.5  # of the area: a largest component of less is a part of what the fil
 
 
 def import_meshes(
-    directories: Places,
+    directories: Inputs,
     name: str,
     settings: Settings | None = None,
     *,
@@ -109,7 +109,7 @@ def import_meshes(
     return jobs.run(task, options, preload=__name__)
 
 
-def _plans(directories: Places, settings: Settings) -> list[FilePlan]:
+def _plans(directories: Inputs, settings: Settings) -> list[FilePlan]:
     """Return the shards; where each component is a shape, the files are read for that."""
     if settings.components != SPLIT:
         return plan_files(directories, settings.split)
@@ -176,7 +176,7 @@ def check_name(name: str) -> None:
         )
 
 
-def _check_sources(directories: Places, target: Location) -> None:
+def _check_sources(directories: Inputs, target: Location) -> None:
     """Raise MeshImportError unless the directories are there, apart, and not the dataset's."""
     seen: dict[Path, Path] = {}
     for directory in directories:

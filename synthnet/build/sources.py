@@ -43,22 +43,22 @@ class FilePlan:
     directory: Path
 
 
-Places: TypeAlias = Sequence[Path] | Mapping[Path, Sequence[Path]]
+Inputs: TypeAlias = Sequence[Path] | Mapping[Path, Sequence[Path]]
 
 
 def plan_files(
-    places: Places, split: str, parts: Callable[[Source], int] | None = None
+    inputs: Inputs, split: str, parts: Callable[[Source], int] | None = None
 ) -> list[FilePlan]:
     """Return the shards: the files of each directory in order of their path.
 
     The split and the group of a file depend on its bytes alone, so copies are never apart.
-    ``places`` are directories, and single files; or directories and which files of each. ``split``
+    ``inputs`` are directories, and single files; or directories and which files of each. ``split``
     is as for :func:`split_of`; ``parts`` says how many shapes a file is, one for each of its
     components. Raise MeshImportError if a directory has no mesh file, or two of them would be the
     same family.
     """
     plans, seen = list[FilePlan](), dict[str, Path]()
-    for directory, paths in _by_directory(places).items():
+    for directory, paths in _by_directory(inputs).items():
         if not paths:
             raise MeshImportError(f"{directory} has no {', '.join(SUFFIXES)} file")
         family = family_of(directory)
@@ -78,19 +78,19 @@ def plan_files(
     return plans
 
 
-def _by_directory(places: Places) -> dict[Path, list[tuple[Path, str]]]:
+def _by_directory(inputs: Inputs) -> dict[Path, list[tuple[Path, str]]]:
     """Return the files of each directory, absolute, and why those that cannot be opened cannot.
 
     A file that is given by itself belongs to the directory that it is in.
     """
-    if isinstance(places, Mapping):
-        resolved = {given: given.resolve() for given in places}
+    if isinstance(inputs, Mapping):
+        resolved = {given: given.resolve() for given in inputs}
         return {
             resolved[given]: [(resolved[given] / path.relative_to(given), "") for path in chosen]
-            for given, chosen in places.items()
+            for given, chosen in inputs.items()
         }
     files = defaultdict[Path, list[tuple[Path, str]]](list)
-    for given in places:
+    for given in inputs:
         path = given.absolute()  # a worker may be elsewhere
         if path.is_file():
             if kind_of(path.name) is None:

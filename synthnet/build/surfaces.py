@@ -86,8 +86,8 @@ def import_file(
     if isinstance(label, Rejection):
         return rejected(label.reason, label.detail)
     repairs["error_bound"] = float(f"{filters.relative_error(label):.2g}")
-    told = replace(spec, parameters={**spec.parameters, **repairs})
-    return labelled(replace(shape, spec=told), mesh, label, np.eye(3)[None])
+    repaired = replace(spec, parameters={**spec.parameters, **repairs})
+    return labelled(replace(shape, spec=repaired), mesh, label, np.eye(3)[None])
 
 
 def read(source: Source, settings: Settings, reader: Reader) -> Triangles:

@@ -101,8 +101,8 @@ def run(options: argparse.Namespace) -> int:
         without=tuple(options.without),
         cut_fins=options.cut_fins,
     )
-    places = _places(options)
-    report = with_bars(partial(import_meshes, places, options.name, settings), options)
+    inputs = _inputs(options)
+    report = with_bars(partial(import_meshes, inputs, options.name, settings), options)
     rows = file_outcomes(report.dataset)
     others = Counter[str]() if options.packages else not_meshes(options.directory)
     if options.json:
@@ -126,7 +126,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _places(options: argparse.Namespace) -> Sequence[Path] | Mapping[Path, Sequence[Path]]:
+def _inputs(options: argparse.Namespace) -> Sequence[Path] | Mapping[Path, Sequence[Path]]:
     """Return the directories and files that are meant, or those of packages."""
     from synthnet.build import packages
 

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,7 @@ from synthnet.spectrum.arrays import Floats, Int64s
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.spectrum.search import Setting, search
+from synthnet.spectrum.solve import NORMAL, STRONGER
 
 SHRINK = 0.2  # each layer towards a corner is so much thinner than the last
 LEFT = 1e-5  # so much of a singularity the smallest element leaves
@@ -46,10 +48,10 @@ TARGET = 2e-5  # relative: a bar should be below
 SHARE = 0.1  # of the largest relative bar of a spectrum: no other bar is smaller
 MOST = 150_000  # coefficients
 ROUNDING = 1e-7  # relative error that no bar is below
-# As of synthnet.spectrum.solve: the second where rounding keeps the first from an answer.
+# The second where rounding keeps the first from an answer
 SETTINGS = (
-    Setting(shift=0.7, residual=1e-6, excused=1e-5, gap=1e-3, vectors=161, strict=False, seed=0),
-    Setting(shift=-0.05, residual=1e-6, excused=1e-3, gap=1e-2, vectors=401, strict=True, seed=1),
+    replace(NORMAL, residual=1e-6, excused=1e-5),
+    replace(STRONGER, residual=1e-6, excused=1e-3),
 )
 
 

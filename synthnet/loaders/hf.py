@@ -20,10 +20,10 @@ def load_dataset(
     """Open a split of a version as a Hugging Face dataset, one row a shape.
 
     The rows are those of the Parquet shards: ``vertices`` (n, 3), ``faces`` (m, 3),
-    ``eigenvalues`` (10,), ``isometries`` (9, 9) as flattened matrices, ids, splits.
-    Where the dataset has the limits of its surfaces, there are ``surface_eigenvalues`` (10,) and
-    ``surface_bar`` (10,) too. A version that is not there is built first, and this says so on
-    standard error.
+    ``eigenvalues`` (10,), float64 in 1/length², ``isometries`` (9, 9) as flattened matrices, ids,
+    splits. Where the dataset has the limits of its surfaces, there are ``surface_eigenvalues``
+    (10,) and ``surface_bar`` (10,) too, in the same unit. A version that is not there is built
+    first, and this says so on standard error.
 
     Parameters
     ----------
@@ -40,6 +40,10 @@ def load_dataset(
         If the split is unknown.
     MissingPackageError
         If the package ``datasets`` is not installed.
+    RecipeError
+        If the version is unknown.
+    BuildError
+        If the version is not there and cannot be built.
     StoreError
         If there is no shape in the split.
     """

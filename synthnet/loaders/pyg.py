@@ -80,6 +80,8 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         If an option is unknown, or ``pre_transform`` is used with ``augment="random"``.
     RecipeError
         If the version is unknown, or has no such protocol.
+    BuildError
+        If the version is not there and cannot be built.
     StoreError
         If the target is ``surface`` and the dataset has no limits.
     TypeError

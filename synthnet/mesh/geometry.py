@@ -56,7 +56,7 @@ def area(mesh: Mesh) -> float:
 
 
 def volume(mesh: Mesh) -> float:
-    """Return the signed volume a closed surface encloses, positive if oriented outwards.
+    """Return the signed volume in length³ of a closed surface, positive if oriented outwards.
 
     Of any other surface it is a number that depends on the origin: :func:`enclosed_volume` checks.
 
@@ -71,7 +71,7 @@ def volume(mesh: Mesh) -> float:
 
 
 def enclosed_volume(mesh: Mesh) -> float:
-    """Return the volume that closed surfaces enclose, wherever they lie.
+    """Return the volume in length³ that closed surfaces enclose, wherever they lie.
 
     All may be oriented inwards instead. A component that is oriented against the largest is a
     cavity, and its volume is taken off.

@@ -52,6 +52,11 @@ def quadratic(patches: Patches) -> Matrices:
     ----------
     patches : Patches
         Of n vertices and e edges. A patch that would fold over is made flat.
+
+    Returns
+    -------
+    Matrices
+        Of n + e unknowns; the mass is in length², the stiffness has no unit.
     """
     stiffness, mass, ratio = _blocks(patches, *_bernstein())
     unknowns = len(patches.vertices) + len(patches.ends)
@@ -72,7 +77,8 @@ def hierarchical(patches: Patches) -> tuple[Matrices, Floats, Floats]:
     linear : Matrices
         Of the n vertices.
     stiffness, mass : ndarray of shape (m, 6, 6), float64
-        Of each patch: of its corners' functions λᵢ, then of its sides' 2 λᵢ λⱼ.
+        Of each patch: of its corners' functions λᵢ, then of its sides' 2 λᵢ λⱼ. The mass is in
+        length², the stiffness has no unit.
     """
     functions, slopes = _bernstein()
     functions[:, :3], slopes[:, :3] = CORNERS, SLOPES

@@ -278,7 +278,8 @@ def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
     Raises
     ------
     ValueError
-        If a triangle has no area, or a vertex no triangle.
+        If there are no triangles, a coordinate is not finite, the size has no square in float64, a
+        triangle has no area, or a vertex no triangle.
 
     References
     ----------

@@ -37,7 +37,7 @@ class Setting:
     gap : float
         Least relative gap above the cluster of the k-th eigenvalue in which to count.
     vectors : int
-        Most vectors in the basis.
+        Most vectors in the basis, before 8 more for each eigenvalue that is asked for.
     strict : bool
         Whether to keep the basis orthogonal to rounding at every step, and to count in other
         places than the middle of the gap if rounding moves that count too far.

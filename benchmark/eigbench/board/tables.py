@@ -15,7 +15,7 @@ from synthnet.families import FAMILIES
 
 SPEED = "speed against LaPy"
 ROUNDING = 1e-12  # of a mean: a deviation below it is that of equal numbers
-LEAST = 1e-5  # relative: a smaller deviation from a law is not told in digits
+LEAST = 1e-5  # relative: a smaller deviation from a law is not shown in digits
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,7 @@ def in_order(names: Iterable[str]) -> list[str]:
 
 
 def overall(scored: dict[str, Any]) -> Table:
-    """Return the table of the six metrics with their uncertainty."""
+    """Return the table of the metrics with their uncertainty."""
     one_seed = all(cell["seed_std"] is None for cell in scored["overall"].values())
     rows = []
     for key, metric in METRICS.items():
@@ -171,7 +171,7 @@ def overall(scored: dict[str, Any]) -> Table:
 
 
 def families(scored: dict[str, Any]) -> Table:
-    """Return the table by family, as the paper's Table 4, with all six metrics."""
+    """Return the table by family, as the paper's Table 4, with all metrics."""
     rows = []
     for name, family in scored["families"].items():
         cells = [score(family[key]["mean"], key) for key in MAIN]

@@ -30,9 +30,9 @@ from synthnet.version import __version__
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
-    0: done. 1: ``check``, ``leaderboard --check`` or ``verify-row`` has findings. 2: the input or
-    the predictor is wrong; one line says what is wrong and what to do. 130: interrupted, by Ctrl-C
-    or SIGTERM.
+    0: done. 1: ``check``, ``leaderboard --check``, ``scaling --verify`` or ``verify-row`` has
+    findings. 2: the input or the predictor is wrong; one line says what is wrong and what to do.
+    130: interrupted, by Ctrl-C or SIGTERM.
     """
     options = terminal.parse(_parser(), arguments)
     try:

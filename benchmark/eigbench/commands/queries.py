@@ -1,4 +1,4 @@
-"""The log of a sealed set: every score that is told of it is noted first."""
+"""The log of a sealed set: every score that is shown of it is recorded first."""
 
 from __future__ import annotations
 

@@ -168,7 +168,7 @@ def _tried(row: Submission, setup: _Setup, by: str, verified: dict[str, dict[str
     if code:
         print(f"{path} is not verified: it stays as it is", file=sys.stderr)
     elif not options.json:
-        print(_told(row, said), flush=True)
+        print(_summary(row, said), flush=True)
     return code
 
 
@@ -296,7 +296,7 @@ def _interval(scored: dict[str, Any]) -> dict[str, float | None]:
     return {key: scored["overall"][RANKED_BY][key] for key in ("mean", "low", "high")}
 
 
-def _told(row: Submission, verified: dict[str, Any]) -> str:
+def _summary(row: Submission, verified: dict[str, Any]) -> str:
     sealed, mesh = verified["sealed"], verified["scores"][MESH]
     return (
         f"{row.name} is verified by {verified['by']}, sandbox {verified['sandbox']}: {RANKED_BY} "

@@ -131,7 +131,7 @@ def overused(cost: dict[str, Any]) -> bool:
 
 
 def schema(name: str = "result") -> dict[str, Any]:
-    """Return a published JSON Schema: of results, or by name of ``timing`` or ``reported``."""
+    """Return a JSON Schema: of results, or by name of ``timing``, ``reported``, ``not-run``."""
     text = resources.files(__package__).joinpath(f"{name}.schema.json").read_text()
     loaded: dict[str, Any] = json.loads(text)
     return loaded

@@ -92,7 +92,7 @@ def chosen(sandbox: str) -> str:
     if sandbox == "required" and available() == NONE:
         raise PredictorError(
             "no sandbox works here: install bubblewrap (apt-get install bubblewrap), or use Linux "
-            "6.7 or newer, or a container that may make namespaces; --no-sandbox runs without"
+            "5.13 or newer, or a container that may make namespaces; --no-sandbox runs without"
         )
     return available()
 

@@ -76,7 +76,7 @@ def together(
         wall = np.empty((repeats, len(paths), len(groups)))
         cpu = np.empty_like(wall)
         values = np.empty((len(paths), 1, *truth.eigenvalues.shape))
-        place = {id: i for i, id in enumerate(truth.ids)}
+        index = {id: i for i, id in enumerate(truth.ids)}
         for step, (number, repeat) in enumerate(asked):
             batch = groups[number][repeat]
             meshes = [instances.mesh(id) for id in batch]
@@ -86,7 +86,7 @@ def together(
                 answered = processes[i].predict(batch, meshes)
                 wall[repeat, i, number] = answered.seconds
                 cpu[repeat, i, number] = answered.cpu_seconds
-                values[i, 0, [place[id] for id in batch]] = answered.values
+                values[i, 0, [index[id] for id in batch]] = answered.values
         return [
             Timed(
                 path,

@@ -130,18 +130,16 @@ def solver_seconds(verdicts: Sequence[Verdict], distance: float) -> tuple[str, f
         ``<``, ``>`` or nothing, and seconds: beyond the sizes there is only a bound. NaN where no
         size counts.
     """
-    times_by_size = whole_seconds(verdicts)
-    if not times_by_size:
+    times = whole_seconds(verdicts)
+    if not times:
         return "", np.nan
-    errors = np.array([floor(size) for size in times_by_size])
-    times = np.array([*times_by_size.values()])
-    if distance > errors[0] * (1 + SAME):
-        return "< ", float(times[0])
-    if distance < errors[-1] * (1 - SAME):
-        return "> ", float(times[-1])
-    order = np.argsort(errors)
-    log = np.interp(np.log(distance), np.log(errors[order]), np.log(times[order]))
-    return "", float(np.exp(log))
+    errors = {size: floor(size) for size in times}
+    coarsest, finest = min(times), max(times)
+    if distance > errors[coarsest] * (1 + SAME):
+        return "< ", times[coarsest]
+    if distance < errors[finest] * (1 - SAME):
+        return "> ", times[finest]
+    return "", interpolated_seconds(errors, times, distance)
 
 
 def whole_seconds(verdicts: Sequence[Verdict]) -> dict[int, float]:

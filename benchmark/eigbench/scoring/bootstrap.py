@@ -101,14 +101,14 @@ def _uniform(seed: int, count: int) -> Array:
 
 
 def interval(means: Array) -> tuple[float, float]:
-    """Return the percentile interval of resampled means."""
+    """Return the percentile interval of resampled means, shape (n,)."""
     tail = 50 * (1 - COVERAGE)
     low, high = np.percentile(means, [tail, 100 - tail])
     return float(low), float(high)
 
 
 def two_sided(means: Array) -> float:
-    """Return the p-value of resampled mean differences: twice the share beyond zero.
+    """Return the p-value of resampled mean differences, shape (n,): twice the share beyond zero.
 
     Where none is beyond, it is the smaller of 2 / (n + 1) and the tail of a normal distribution
     with their mean and deviation: a board of a hundred rows and more asks for smaller p-values than

@@ -2,7 +2,7 @@ r"""The paper's metrics, in NumPy, and the registry that names them.
 
 Every metric takes predictions p and labels g of shape (B, k), float64, in 1/length², and
 returns one value a mesh, shape (B,), float64. A prediction that is not finite gives a
-value that is not finite or is infinite; nothing is dropped.
+value that is not finite, and 0 in :func:`psnr_above_20`; nothing is dropped.
 
 References
 ----------

@@ -96,6 +96,11 @@ def questions() -> tuple[tuple[str, ...], tuple[Mesh, ...]]:
 def contract(answers: NDArray[np.float64]) -> dict[str, float | None]:
     """Return the numbers of the contract from the answers to :func:`questions`.
 
+    Parameters
+    ----------
+    answers : ndarray of shape (B, k), float64
+        Predicted eigenvalues of its B meshes in their order, in 1/length².
+
     Returns
     -------
     dict of str to float or None

@@ -12,6 +12,7 @@ from eigbench.board.cost_columns import ratios
 from eigbench.board.ranked_columns import KIND
 from eigbench.board.ranking import RANKED_BY, Apart, Ranked, count_ranked
 from eigbench.board.tables import deviation, family_title, in_order, with_uncertainty
+from eigbench.results import sources
 from eigbench.results.submission import Submission
 from eigbench.scaling.results import Scaled
 from eigbench.scoring.physics import SHARES, TITLES
@@ -36,7 +37,7 @@ def contents(shown: Sequence[Shown], scaled: Sequence[Scaled]) -> dict[str, dict
             models[entry.slug] = _only_scaled(entry)
         where = {"board": scaling.KEY, "dataset": "Scaling track", "title": "one mesh a call"}
         models[entry.slug]["standings"].append({**where, "rank": "", "cells": ["", "", ""]})
-        again = f"eigbench scale {entry.result['model']['code']}"
+        again = f"eigbench scale {sources.CODE}/{entry.result['model']['code']}"
         models[entry.slug]["command"][scaling.KEY] = again
     return models
 
@@ -148,4 +149,4 @@ def command(submission: Submission) -> str:
     named = f"--dataset {facts['version']} --protocol {facts['protocol']}"
     seeds = result["predictions"]["seeds"]
     counts = f"--batch-size {submission.batch_size}" + (f" --seeds {seeds}" if seeds > 1 else "")
-    return f"eigbench evaluate {result['model']['code']} {named} {counts}"
+    return f"eigbench evaluate {sources.CODE}/{result['model']['code']} {named} {counts}"

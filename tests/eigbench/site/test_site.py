@@ -333,8 +333,8 @@ def test_command_of_a_page_names_the_run_and_its_own_batches(made_board, bundled
     timed = changed(far, "cost", batch_size=3)
     commands = read(write.files([timed], [], []), "models/far.js")["command"]
     assert commands["1.0-mini-test-grouped-mesh"] == (
-        f"eigbench evaluate {far.result['model']['code']} --dataset 1.0-mini --protocol grouped "
-        "--batch-size 10"
+        f"eigbench evaluate baselines/{far.result['model']['code']} "
+        "--dataset 1.0-mini --protocol grouped --batch-size 10"
     )
 
 
