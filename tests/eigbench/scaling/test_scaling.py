@@ -84,7 +84,8 @@ def test_labels_approach_the_spectrum_of_the_surface_like_h_squared(surface):
     order = np.log(errors) / np.log(np.sqrt(fine.vertices / coarse.vertices))
     assert 1.8 < order < 2.3
     assert (fine.label > fine.limit).all()  # inscribed meshes and conforming functions, both above
-    assert (fine.limit_error / fine.limit).max() < 1e-5  # far below the labels of 1,000,000
+    finest = surfaces.pinned(surface, 1_000_000)  # whose error decides who wins
+    assert (finest.limit_error / finest.limit).mean() < 0.1 * finest.discretisation_error
 
 
 def test_limit_by_extrapolation_is_the_closed_form(monkeypatch):
