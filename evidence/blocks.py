@@ -107,6 +107,7 @@ BLOCKS = {
     "real-shapes/loose": Block(("thin-meshes",), "thin_meshes.loose_bounds", inline=True),
     "real-shapes/thin": Block(("thin-meshes",), "thin_meshes.table"),
     "real-shapes/large": Block(("multilevel",), "multilevel.large_meshes"),
+    "scaling/gain": Block((), "scaling_gain.table"),
     "start/full-runs": Block(("build-1.0", "build-2.0", "build-2.1"), "card.full_runs"),
     "spectrum/peers": Block(("peers",), "peers.table"),
     "spectrum/missed": Block(("missed",), "missed.table"),

@@ -161,6 +161,12 @@ def at_most(times: Mapping[int, float]) -> dict[int, float]:
     return dict(zip(reversed(sizes), reversed(least), strict=True))
 
 
+def exact_seconds(rows: Sequence[Scaled], surface: str) -> dict[int, float]:
+    """Return the time of the fastest exact solver on a surface by size, as :func:`at_most`."""
+    exact = {size: _fastest_exact(rows, surface, size) for size in sizes(rows)}
+    return at_most({size: best[0] for size, best in exact.items() if best})
+
+
 def equal_seconds(surface: str, times: Mapping[int, float], distance: float) -> float:
     """Return what an exact solver takes on a mesh of a surface just fine enough for an error.
 
@@ -199,11 +205,11 @@ def verdict(rows: Sequence[Scaled], size: int) -> Verdict:
     fastest: dict[str, tuple[float, str]] = {}
     wins: Counter[str] = Counter()
     for surface in surfaces.SURFACES:
-        exact = {n: best for n in sizes(rows) if (best := _fastest_exact(rows, surface, n))}
-        if size not in exact:
+        exact = _fastest_exact(rows, surface, size)
+        if exact is None:
             continue
-        fastest[surface] = exact[size]
-        times = at_most({n: time for n, (time, _) in exact.items()})
+        fastest[surface] = exact
+        times = exact_seconds(rows, surface)
         near = NEAR * surfaces.pinned(surface, size).discretisation_error
         for row, mesh in _answers(rows, surface, size):
             if distance(mesh) > near or is_exact(mesh):

@@ -19,6 +19,7 @@ from eigbench.scaling import surfaces
 from eigbench.scaling.results import Scaled
 from eigbench.scaling.run import Settings
 
+from evidence import scaling_gain
 from synthnet.families import FAMILIES
 from synthnet.mesh import geometry
 
@@ -380,6 +381,18 @@ def test_a_prediction_does_not_win_where_a_coarser_mesh_is_as_good_and_faster(ma
         assert scaling_scores.equal_seconds(surface, TIMES, 2 * small) == pytest.approx(t / 2)
         for nearer in (large / 2, 0.0):
             assert scaling_scores.equal_seconds(surface, TIMES, nearer) == pytest.approx(own)
+
+
+def test_the_gain_of_a_winner_is_what_its_error_costs_the_solver(make_scaled, exact):
+    near = make_scaled("Near", {1_000: (0.5, 1.0)}, of="limit")  # nearer than on any mesh
+    nearly = make_scaled("Nearly", {1_000: (0.9, 1.0)}, of="limit")
+    far = make_scaled("Far", {1_000: (0.001, 1.1)}, of="limit")
+    rows = [near, nearly, far, *exact.values()]
+    expected = ["1,000", "Near", "exact", "500.00", "> 1,000", "> 2.0"]
+    assert scaling_gain.lines(rows) == [expected]
+    own = make_scaled("Own", {1_000: (0.0025, 1 + 1e-6)})  # as the label: the solver takes 0.01 s
+    (line,) = scaling_gain.lines([own, *exact.values()])
+    assert line == ["1,000", "Own", "1.155 %", "2.50", "10.00", "4.0"]
 
 
 def test_page_says_what_was_not_run_and_what_took_too_long(rows):
