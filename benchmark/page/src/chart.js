@@ -80,9 +80,10 @@ function scaling(container, { board, rows, index, open }) {
 function ofMesh(one, row, { surfaces }, fastest) {
   const times = one.speed === null ? "" : faster(one.speed);
   const notes = one.speed > fastest ? [times] : [];
+  if (one.error > 1) notes.push(one.shown); // drawn at the upper edge
   const wins = one.wins > surfaces / 2;
   const tip = `${row.name}, ${row.kind}\nerror to the surface: ${one.shown}\n${times} as fast as LaPy\nwins on ${one.wins} of ${surfaces} surfaces`;
-  return { row, slug: row.slug, kind: row.kind, name: row.name + (notes.length ? ` (${notes})` : ""), shown: one.shown, times, x: one.speed === null ? null : Math.min(one.speed, fastest), y: 100 * one.error, open: one.answered < surfaces, wins, first: wins, title: tip };
+  return { row, slug: row.slug, kind: row.kind, name: row.name + (notes.length ? ` (${notes.join(", ")})` : ""), shown: one.shown, times, x: one.speed === null ? null : Math.min(one.speed, fastest), y: 100 * Math.min(one.error, 1), open: one.answered < surfaces, wins, first: wins, title: tip };
 }
 
 const percent = ([x, share]) => [x, 100 * share];
