@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from eigbench.board.scaling_columns import ms, percent
@@ -27,28 +27,34 @@ def lines(rows: Sequence[Scaled]) -> list[list[str]]:
     Only rows count that win on more than half of the surfaces. All numbers are medians over the
     surfaces that a row answered; what its error costs the solver is a multiple of its own time.
     """
+    exact = {surface: scores.exact_seconds(rows, surface) for surface in surfaces.SURFACES}
     found = []
     for size in scores.sizes(rows):
         wins = scores.verdict(rows, size).wins
         winners = [r for r in rows if wins.get(r.slug, 0) > len(surfaces.SURFACES) / 2]
         for without in (True, False):
             some = [r for r in winners if untrained(r.result["model"]) == without]
-            gains = sorted((_gain(rows, row, size) for row in some), reverse=True)
+            gains = sorted((_gain(row, size, exact) for row in some), reverse=True)
             found += [cells for _, cells in gains[:1]]
     return found
 
 
-def _gain(rows: Sequence[Scaled], row: Scaled, size: int) -> tuple[float, list[str]]:
-    """Return how many times as long the solver takes as a row, and the row's cells."""
+def _gain(
+    row: Scaled, size: int, exact: Mapping[str, Mapping[int, float]]
+) -> tuple[float, list[str]]:
+    """Return how many times as long the solver takes as a row, and the row's cells.
+
+    ``exact`` has the solver's seconds by surface and size.
+    """
     medians = scores.medians(row, size)
     solver, times, beyond = [], [], []
-    for surface in surfaces.SURFACES:
-        mesh, exact = row.meshes[surface, size], scores.exact_seconds(rows, surface)
-        if exact and mesh["outcome"] == results.ANSWERED:
+    for surface, known in exact.items():
+        mesh = row.meshes[surface, size]
+        if known and mesh["outcome"] == results.ANSWERED:
             distance = scores.distance(mesh)
-            solver.append(scores.equal_seconds(surface, exact, distance))
+            solver.append(scores.equal_seconds(surface, known, distance))
             times.append(solver[-1] / scores.seconds(mesh))
-            beyond.append(distance < surfaces.pinned(surface, max(exact)).discretisation_error)
+            beyond.append(distance < surfaces.pinned(surface, max(known)).discretisation_error)
     gain = float(np.median(times))
     # A solver's time for an error below that on the finest mesh is not known, but that it is longer
     side = "> " if np.mean(beyond) >= 0.5 else ""

@@ -212,16 +212,16 @@ def verdict(rows: Sequence[Scaled], size: int) -> Verdict:
         times = exact_seconds(rows, surface)
         near = NEAR * surfaces.pinned(surface, size).discretisation_error
         for row, mesh in _answers(rows, surface, size):
-            if distance(mesh) > near or is_exact(mesh):
-                continue
-            wins[row.slug] += seconds(mesh) < equal_seconds(surface, times, distance(mesh))
+            predicted = distance(mesh) <= near and not is_exact(mesh)
+            if predicted and seconds(mesh) < equal_seconds(surface, times, distance(mesh)):
+                wins[row.slug] += 1
     names = [name for _, name in fastest.values()]
     return Verdict(
         size,
         max(sorted(set(names)), key=names.count) if names else None,
         float(np.median([time for time, _ in fastest.values()])) if names else np.nan,
         len(names),
-        {slug: count for slug, count in sorted(wins.items()) if count},
+        dict(sorted(wins.items())),
     )
 
 
