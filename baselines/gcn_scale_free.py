@@ -1,8 +1,8 @@
-"""The paper's network with scale-free encodings, trained on 2.0 under each of its protocols.
+"""The paper's network with scale-free encodings, trained on 2.0 under its protocols.
 
-Its weights are trained by `python -m baselines.train_scale_free`, by an earlier form of training
-than that of `reproduction.py`: meshes are not turned into their principal axes. Of large meshes of
-the training set a share is taken.
+Its weights are made by `python -m baselines.train_scale_free`: the row ALG of the paper's Table 2
+without a virtual node, as `reproduction.py` has it, trained on 2.0 until it has converged. Of large
+meshes of the training set a share is taken.
 """
 
 from gcn.trainings import TrainedRow, load_row, meta

@@ -78,7 +78,6 @@ BLOCKS = {
     "dataset-card-2.0/family-trainings": Block(
         ("shapes-2.0",), "shapes.family_trainings", inline=True
     ),
-    "dataset-card-2.0/earlier-rule": Block((), "learned.earlier_rule", inline=True),
     "dataset-card-2.0/folds": Block(("folds-2.0",), "folds.table"),
     "faq/takes": Block(("build-1.0", "build-2.0", "build-2.1"), "card.takes", inline=True),
     "faults/claim": Block(("faults",), "faults.claim", inline=True),
@@ -116,7 +115,6 @@ BLOCKS = {
     "spectrum/operators": Block(("operators",), "operators.table"),
     "submit/ratios": Block(("ratios",), "ratios.table"),
     "submit/call": Block((), "harness_overhead.call", inline=True),
-    "README/earlier-rule": Block((), "learned.earlier_rule", inline=True),
     "README/paper-speed": Block(("gcn",), "paper_speed.short", inline=True),
     "README/installation": Block(("installation",), "installation.sizes", inline=True),
     "submit/overhead": Block(("harness-overhead",), "harness_overhead.table"),

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 from eigbench.board.generalisation import TITLES
-from eigbench.results.submission import remark_path
 
 from evidence import ROOT, markdown
 from evidence.real_sets import SETS, board, scores
@@ -95,20 +94,6 @@ def share_table() -> str:
     ]
     cells = [[name, *(f"{share:.2f}" for share in shares)] for name, *shares in rows]
     return markdown.table(["row", "familiar shapes", *map(TITLES.get, unseen), "time"], cells, "lr")
-
-
-def earlier_rule() -> str:
-    """Return which rows of `family` were trained before families of the same surfaces left it."""
-    folder = ROOT / "benchmark" / "results" / "2.0-test-family"
-    named = " and ".join(
-        f"*{json.loads(path.read_text())['model']['name']}*"
-        for path in sorted(folder.glob("*.json"))
-        if (remark := remark_path(path)).exists()
-        and remark.read_text().startswith("Trained before the rule that")
-    )
-    if not named:
-        return "Every row of this protocol keeps the rule."
-    return f"Trained before this rule, with the related family in training: {named}."
 
 
 def _errors(familiar: dict, held_out: dict, protocols: Iterable[str]) -> list[float]:

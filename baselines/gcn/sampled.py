@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 import torch
@@ -19,8 +20,9 @@ from synthnet.build.versions import ensure_built
 from synthnet.recipe import splits
 from synthnet.types import PROTOCOLS, Sample
 
-from .data import Shapes, encoder
+from .data import AT_ONCE, Shapes, encoder
 from .folded import each
+from .graphs import Graphs
 from .model import GCNConfig
 
 
@@ -77,18 +79,32 @@ def load(
 ) -> Sampled:
     """Read a version, which is built if it is not there, and encode the share of its meshes."""
     stored = ensure_built(version, root)
-    samples = list(_share(stored.samples(), vertices))
+    encode = encoder(config)
+    graphs: list[Graphs] = []
+    facts = []
+    share = iter(_share(stored.samples(), vertices))
+    while some := list(islice(share, AT_ONCE)):  # each holds the memory of its whole shard
+        graphs += each(encode, [sample.mesh for sample in some], threads)
+        facts += [
+            (
+                s.spec.id,
+                np.float32(s.eigenvalues),
+                np.float32(s.isometries),
+                s.split,
+                s.paper_splits,
+            )
+            for s in some
+        ]
+    ids, y, isometries, splits, paper_splits = zip(*facts, strict=True)
     return Sampled(
-        graphs=each(encoder(config), [sample.mesh for sample in samples], threads),
-        y=torch.from_numpy(np.array([sample.eigenvalues for sample in samples], np.float32)),
-        isometries=torch.from_numpy(
-            np.array([sample.isometries for sample in samples], np.float32)
-        ),
-        splits=np.array([sample.split for sample in samples]),
-        paper_splits=np.array([sample.paper_splits for sample in samples]),
+        graphs=graphs,
+        y=torch.from_numpy(np.array(y)),
+        isometries=torch.from_numpy(np.array(isometries)),
+        splits=np.array(splits),
+        paper_splits=np.array(paper_splits),
         version=stored.manifest.version,
         digest=stored.manifest.recipe_digest,
-        ids=tuple(sample.spec.id for sample in samples),
+        ids=ids,
     )
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import torch
 
@@ -50,7 +48,8 @@ def meta(file: str, name: str) -> dict[str, str]:
     trainings = {one["protocol"]: one for one in record["trainings"].values()}.values()
     one = next(iter(trainings))
     minutes = [training["minutes"] for training in trainings]
-    cost = f"{min(minutes):.0f} to {max(minutes):.0f} min"
+    steps = [training["steps"] for training in trainings]
+    rule = ", until they had converged" if all(t["converged"] for t in trainings) else ""
     return {
         "name": name,
         "kind": "learned",
@@ -60,8 +59,8 @@ def meta(file: str, name: str) -> dict[str, str]:
             f"a share of {record['vertices']:,} / n"
         ),
         "training_cost": (
-            f"{cost} each of {len(minutes)} trainings, {config.epochs} epochs in batches of "
-            f"{config.batch_size} meshes"
+            f"{min(minutes):.0f} to {max(minutes):.0f} min each of {len(minutes)} trainings: "
+            f"{min(steps):,} to {max(steps):,} steps of {config.batch_size} meshes{rule}"
         ),
         "hardware": "; ".join(
             dict.fromkeys(told(session) for t in trainings for session in t["sessions"])
@@ -90,8 +89,9 @@ class TrainedRow(Row):
     def __init__(self, path: Path, training: str, device: str) -> None:
         tensors, record = weights.read(path)
         if training not in record["trainings"]:
+            there = ", ".join(record["trainings"])
             raise weights.WeightsError(
-                f"{path} has no weights trained on {training}, only on {_told(record)}"
+                f"{path} has no weights trained on {training}, only on {there}"
             )
         start = f"{training}:"
         self.model = GCN(weights.config_of(record).model)
@@ -101,12 +101,6 @@ class TrainedRow(Row):
         self.record = record["trainings"][training]
         self.encode = data.encoder(self.model.config)
         self.device, self.threads = device, torch.get_num_threads()
-
-
-def _told(record: dict[str, Any]) -> str:
-    """Return the names of the trainings; of a protocol with several folds one stands for all."""
-    names = (re.sub(r"(.+?/.+?/).+", r"\1*", name) for name in record["trainings"])
-    return ", ".join(dict.fromkeys(names))
 
 
 def load_row(file: str, device: str, seed: int, training: str) -> TrainedRow:
