@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-import numpy as np
 from eigbench.board.scaling_columns import ms, percent
 from eigbench.scaling import results, scores, surfaces
 from eigbench.scaling.results import Scaled
+from eigbench.scaling.scores import Equal
 from eigbench.scoring.training import untrained
 
 from evidence import ROOT, markdown
@@ -27,37 +27,22 @@ def lines(rows: Sequence[Scaled]) -> list[list[str]]:
     Only rows count that win on more than half of the surfaces. All numbers are medians over the
     surfaces that a row answered; what its error costs the solver is a multiple of its own time.
     """
-    exact = {surface: scores.exact_seconds(rows, surface) for surface in surfaces.SURFACES}
+    exact = scores.exact_seconds(rows)
     found = []
     for size in scores.sizes(rows):
         wins = scores.verdict(rows, size).wins
         winners = [r for r in rows if wins.get(r.slug, 0) > len(surfaces.SURFACES) / 2]
         for without in (True, False):
             some = [r for r in winners if untrained(r.result["model"]) == without]
-            gains = sorted((_gain(row, size, exact) for row in some), reverse=True)
-            found += [cells for _, cells in gains[:1]]
+            gains = [(scores.equal(row, size, exact), row) for row in some]
+            found += [
+                _cells(row, size, equal)
+                for equal, row in sorted(gains, key=lambda of: -of[0].gain)[:1]
+            ]
     return found
 
 
-def _gain(
-    row: Scaled, size: int, exact: Mapping[str, Mapping[int, float]]
-) -> tuple[float, list[str]]:
-    """Return how many times as long the solver takes as a row, and the row's cells.
-
-    ``exact`` has the solver's seconds by surface and size.
-    """
+def _cells(row: Scaled, size: int, equal: Equal) -> list[str]:
     medians = scores.medians(row, size)
-    solver, times, beyond = [], [], []
-    for surface, known in exact.items():
-        mesh = row.meshes[surface, size]
-        if known and mesh["outcome"] == results.ANSWERED:
-            distance = scores.distance(mesh)
-            solver.append(scores.equal_seconds(surface, known, distance))
-            times.append(solver[-1] / scores.seconds(mesh))
-            beyond.append(distance < surfaces.pinned(surface, max(known)).discretisation_error)
-    gain = float(np.median(times))
-    # A solver's time for an error below that on the finest mesh is not known, but that it is longer
-    side = "> " if np.mean(beyond) >= 0.5 else ""
-    cells = [percent(medians.distance), ms(medians.seconds)]
-    cells += [f"{side}{ms(float(np.median(solver)))}", f"{side}{gain:,.1f}"]
-    return gain, [f"{size:,}", row.name, *cells]
+    times = f"{equal.side}{ms(equal.seconds)}", f"{equal.side}{equal.gain:,.1f}"
+    return [f"{size:,}", row.name, percent(medians.distance), ms(medians.seconds), *times]

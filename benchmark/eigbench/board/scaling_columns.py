@@ -1,6 +1,6 @@
 """The columns of the scaling track, for LEADERBOARD.md and for the page."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ from eigbench.board.columns import Cell, Column, Group, of_run, six_digits
 from eigbench.board.tables import error, number
 from eigbench.scaling import scores, surfaces
 from eigbench.scaling.results import Scaled
-from eigbench.scaling.scores import Medians, Verdict
+from eigbench.scaling.scores import Medians
 
 
 def _result(row: Scaled) -> dict[str, Any]:
@@ -19,13 +19,14 @@ def _result(row: Scaled) -> dict[str, Any]:
 MODEL, KIND, HARDWARE, TRAINING = of_run(_result)
 
 
-def groups(sizes: Sequence[int], verdicts: Sequence[Verdict]) -> dict[str, Group[Scaled]]:
-    """Return the tables of one hardware setting by key; ``verdicts`` are its own."""
+def groups(sizes: Sequence[int], rows: Sequence[Scaled]) -> dict[str, Group[Scaled]]:
+    """Return the tables of one hardware setting by key; ``rows`` are all of that setting."""
+    exact = scores.exact_seconds(rows)
     overview = [column(size) for size in sizes for column in (_distance, _time)]
     solver = (
         "The ms that the fastest exact solver takes on a mesh just fine enough for the row's error "
-        "to the surface, interpolated between the sizes; making such a mesh is not counted. It is "
-        "of medians; who wins is decided on each surface by itself."
+        "to the surface, interpolated between the sizes on each surface; making such a mesh is not "
+        "counted."
     )
     mesh = (
         "The same answers against the label, the exact spectrum of the mesh, instead of the "
@@ -39,7 +40,7 @@ def groups(sizes: Sequence[int], verdicts: Sequence[Verdict]) -> dict[str, Group
     )
     tables = (
         Group("overview", "Error and time", overview, lead="discretisation error of the meshes"),
-        Group("solver", "Solver at the same error", [_solver(n, verdicts) for n in sizes], solver),
+        Group("solver", "Solver at the same error", [_solver(n, exact) for n in sizes], solver),
         Group("mesh", "Against the mesh", [_error(size) for size in sizes], mesh),
         Group("memory", "Peak memory", [_memory(size) for size in sizes], memory),
         Group("lapy", "LaPy beside each run", timed, lapy),
@@ -52,7 +53,9 @@ def _error(size: int) -> Column[Scaled]:
         "Mean relative error of the ten eigenvalues against the label, the exact spectrum of the "
         "mesh; median over the surfaces."
     )
-    return _median("error", size, "error to the mesh", note, lambda m: (percent(m.error), m.error))
+    return _median(
+        "error", size, "error to the mesh", note, lambda _, m: (percent(m.error), m.error)
+    )
 
 
 def _time(size: int) -> Column[Scaled]:
@@ -60,7 +63,7 @@ def _time(size: int) -> Column[Scaled]:
         "Milliseconds per mesh, one mesh a call; median over the surfaces. Compare them within one "
         "hardware, device and number of threads only."
     )
-    return _median("ms", size, "ms", note, lambda m: (ms(m.seconds), 1e3 * m.seconds))
+    return _median("ms", size, "ms", note, lambda _, m: (ms(m.seconds), 1e3 * m.seconds))
 
 
 def _distance(size: int) -> Column[Scaled]:
@@ -69,18 +72,21 @@ def _distance(size: int) -> Column[Scaled]:
         "over the surfaces."
     )
     own, title = percent(scores.floor(size)), "error to the surface"
-    return _median("distance", size, title, note, lambda m: (percent(m.distance), m.distance), own)
-
-
-def _solver(size: int, verdicts: Sequence[Verdict]) -> Column[Scaled]:
-    note = (
-        "Milliseconds that the fastest exact solver takes on a mesh just fine enough for the "
-        "row's error to the surface."
+    return _median(
+        "distance", size, title, note, lambda _, m: (percent(m.distance), m.distance), own
     )
 
-    def cell(medians: Medians) -> tuple[str, float]:
-        side, seconds = scores.solver_seconds(verdicts, medians.distance)
-        return (f"{side}{ms(seconds)}", 1e3 * seconds) if seconds > 0 else ("–", np.nan)
+
+def _solver(size: int, exact: Mapping[str, Mapping[int, float]]) -> Column[Scaled]:
+    note = (
+        "Milliseconds that the fastest exact solver takes on a mesh just fine enough for the "
+        "row's error to the surface; median over the surfaces."
+    )
+
+    def cell(row: Scaled, _: Medians) -> tuple[str, float]:
+        equal = scores.equal(row, size, exact)
+        known = np.isfinite(equal.seconds)
+        return f"{equal.side}{ms(equal.seconds)}" if known else "–", 1e3 * equal.seconds
 
     return _median("solver", size, "the solver's ms", note, cell)
 
@@ -88,7 +94,7 @@ def _solver(size: int, verdicts: Sequence[Verdict]) -> Column[Scaled]:
 def _memory(size: int) -> Column[Scaled]:
     note = "Peak memory in MB of the process, its libraries included; median over the surfaces."
     return _median(
-        "memory", size, "MB", note, lambda m: (f"{m.peak_memory_mb:,.0f}", m.peak_memory_mb)
+        "memory", size, "MB", note, lambda _, m: (f"{m.peak_memory_mb:,.0f}", m.peak_memory_mb)
     )
 
 
@@ -106,7 +112,7 @@ def _median(
     size: int,
     title: str,
     note: str,
-    cell: Callable[[Medians], tuple[str, float]],
+    cell: Callable[[Scaled, Medians], tuple[str, float]],
     own: str = "",
 ) -> Column[Scaled]:
     """Return a column of medians at a size, which says what they leave out."""
@@ -117,7 +123,7 @@ def _median(
             return "not run", None
         if not medians.answered:
             return ", ".join(medians.failures), None
-        text, value = cell(medians)
+        text, value = cell(row, medians)
         if medians.answered < len(surfaces.SURFACES):
             text = f"{text} ({medians.answered} of {len(surfaces.SURFACES)})"
         return text, six_digits(value)

@@ -35,7 +35,7 @@ def section(rows: Sequence[Scaled]) -> tuple[list[str], dict[Path, str]]:
     parts = ["## Scaling\n", f"{introduction(sizes)} {links}\n"]
     for label, mine in by_setting.items():
         verdicts = [scores.verdict(mine, size) for size in sizes]
-        overview = scaling_columns.groups(sizes, verdicts)["overview"]
+        overview = scaling_columns.groups(sizes, mine)["overview"]
         parts += [
             f"### Scaling: {escaped(label)}\n",
             answer(verdicts, mine),
@@ -63,7 +63,7 @@ def details(rows: Sequence[Scaled]) -> str:
     ]
     for label, mine in scores.settings(rows).items():
         verdicts = [scores.verdict(mine, size) for size in sizes]
-        groups = scaling_columns.groups(sizes, verdicts)
+        groups = scaling_columns.groups(sizes, mine)
         parts += [
             f"## {escaped(label)}\n",
             *answers(verdicts, mine),

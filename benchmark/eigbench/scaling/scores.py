@@ -20,6 +20,7 @@ from eigbench.scaling.results import ANSWERED, Scaled
 
 EXACT = 1e-9  # relative, of every eigenvalue: solvers are within 1e-11, a good fit is not
 NEAR = 2.0  # times the discretisation error; a larger error is a trade against time, not a win
+HALF = 0.5  # of the surfaces
 SAME = 1e-6  # relative: distances from a surface that differ by less are equal
 
 
@@ -46,6 +47,20 @@ class Verdict:
     seconds: float  #: median over the surfaces of the fastest exact time; NaN if there is none
     compared: int  #: surfaces on which there is an exact time
     wins: Mapping[str, int]  #: by slug of each model that wins somewhere, on how many surfaces
+
+
+@dataclass(frozen=True, slots=True)
+class Equal:
+    """What a model's error to the surface costs an exact solver, on whichever mesh it takes.
+
+    Medians over the surfaces that the model answered; NaN where no time of a solver is known.
+    """
+
+    #: ``<`` where the error is larger than on the coarsest mesh that a solver answered, ``>`` where
+    #: it is smaller than on the finest, on half of the surfaces at least: the others are bounds.
+    side: str
+    seconds: float
+    gain: float  #: times as long as the model
 
 
 def settings(rows: Sequence[Scaled]) -> dict[str, list[Scaled]]:
@@ -112,36 +127,6 @@ def floor(size: int) -> float:
     return float(np.median(errors))
 
 
-def solver_seconds(verdicts: Sequence[Verdict], distance: float) -> tuple[str, float]:
-    """Return what an exact solver takes on a mesh just fine enough for an error.
-
-    Between two sizes time is a power of the discretisation error.
-
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        Of one setting. A size counts if an exact solver answered every surface there.
-    distance : float
-        Mean relative error against the surface's spectrum.
-
-    Returns
-    -------
-    tuple of str and float
-        ``<``, ``>`` or nothing, and seconds: beyond the sizes there is only a bound. NaN where no
-        size counts.
-    """
-    times = whole_seconds(verdicts)
-    if not times:
-        return "", np.nan
-    errors = {size: floor(size) for size in times}
-    coarsest, finest = min(times), max(times)
-    if distance > errors[coarsest] * (1 + SAME):
-        return "< ", times[coarsest]
-    if distance < errors[finest] * (1 - SAME):
-        return "> ", times[finest]
-    return "", interpolated_seconds(errors, times, distance)
-
-
 def whole_seconds(verdicts: Sequence[Verdict]) -> dict[int, float]:
     """Return the time of an exact solver by size, ascending, where one answered every surface."""
     every = len(surfaces.SURFACES)
@@ -161,10 +146,37 @@ def at_most(times: Mapping[int, float]) -> dict[int, float]:
     return dict(zip(reversed(sizes), reversed(least), strict=True))
 
 
-def exact_seconds(rows: Sequence[Scaled], surface: str) -> dict[int, float]:
-    """Return the time of the fastest exact solver on a surface by size, as :func:`at_most`."""
-    exact = {size: _fastest_exact(rows, surface, size) for size in sizes(rows)}
-    return at_most({size: best[0] for size, best in exact.items() if best})
+def exact_seconds(rows: Sequence[Scaled]) -> dict[str, dict[int, float]]:
+    """Return the time of the fastest exact solver by surface and size, as :func:`at_most`."""
+    found = {}
+    for surface in surfaces.SURFACES:
+        exact = {size: _fastest_exact(rows, surface, size) for size in sizes(rows)}
+        if times := {size: best[0] for size, best in exact.items() if best}:
+            found[surface] = at_most(times)
+    return found
+
+
+def equal(row: Scaled, size: int, exact: Mapping[str, Mapping[int, float]]) -> Equal:
+    """Return what the error of a model at a size costs an exact solver; see exact_seconds."""
+    facts = []
+    for surface, times in exact.items():
+        mesh = row.meshes.get((surface, size))
+        if mesh is None or mesh["outcome"] != ANSWERED:
+            continue
+        error = distance(mesh)
+        coarsest, finest = (
+            surfaces.pinned(surface, end).discretisation_error for end in (min(times), max(times))
+        )
+        beyond = error > coarsest * (1 + SAME), error < finest * (1 - SAME)
+        own, bound, takes = seconds(mesh), times[min(times)], equal_seconds(surface, times, error)
+        facts.append((*beyond, bound, bound / own, takes, takes / own))
+    if not facts:
+        return Equal("", np.nan, np.nan)
+    coarser, finer, *_ = np.mean(facts, axis=0)
+    *_, bound, most, takes, gain = np.median(facts, axis=0).tolist()
+    if coarser >= HALF:
+        return Equal("< ", bound, most)
+    return Equal("> " if finer >= HALF else "", takes, gain)
 
 
 def equal_seconds(surface: str, times: Mapping[int, float], distance: float) -> float:
@@ -204,16 +216,16 @@ def verdict(rows: Sequence[Scaled], size: int) -> Verdict:
     """Return where predictions beat the exact solver; the rows are of one setting."""
     fastest: dict[str, tuple[float, str]] = {}
     wins: Counter[str] = Counter()
+    every = exact_seconds(rows)
     for surface in surfaces.SURFACES:
         exact = _fastest_exact(rows, surface, size)
         if exact is None:
             continue
         fastest[surface] = exact
-        times = exact_seconds(rows, surface)
         near = NEAR * surfaces.pinned(surface, size).discretisation_error
         for row, mesh in _answers(rows, surface, size):
             predicted = distance(mesh) <= near and not is_exact(mesh)
-            if predicted and seconds(mesh) < equal_seconds(surface, times, distance(mesh)):
+            if predicted and seconds(mesh) < equal_seconds(surface, every[surface], distance(mesh)):
                 wins[row.slug] += 1
     names = [name for _, name in fastest.values()]
     return Verdict(

@@ -28,7 +28,7 @@ def content(rows: Sequence[Scaled]) -> dict[str, Any]:
     notes, shown, charts = [scaling_page.introduction(sizes)], [], []
     for label, mine in scores.settings(rows).items():
         verdicts = [scores.verdict(mine, size) for size in sizes]
-        groups = _groups(sizes, verdicts)
+        groups = _groups(sizes, mine)
         every = columns.of(groups)
         notes += [f"**{label}**", *(part.strip() for part in scaling_page.answers(verdicts, mine))]
         shown += [
@@ -76,9 +76,9 @@ def _panel(label: str, rows: Sequence[Scaled], panel: Panel, verdict: Verdict) -
     }
 
 
-def _groups(sizes: Sequence[int], verdicts: Sequence[Verdict]) -> list[Group[Scaled]]:
+def _groups(sizes: Sequence[int], rows: Sequence[Scaled]) -> list[Group[Scaled]]:
     """Return the views of the page's table; the first and the last have what the run declared."""
-    overview, *others, last = scaling_columns.groups(sizes, verdicts).values()
+    overview, *others, last = scaling_columns.groups(sizes, rows).values()
     first = replace(overview, columns=[*overview.columns, TRAINING])
     return [first, *others, replace(last, columns=[*last.columns, HARDWARE])]
 

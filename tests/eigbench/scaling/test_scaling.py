@@ -390,7 +390,7 @@ def test_the_gain_of_a_winner_is_what_its_error_costs_the_solver(make_scaled, ex
     rows = [near, nearly, far, *exact.values()]
     expected = ["1,000", "Near", "exact", "500.00", "> 1,000", "> 2.0"]
     assert scaling_gain.lines(rows) == [expected]
-    own = make_scaled("Own", {1_000: (0.0025, 1 + 1e-6)})  # as the label: the solver takes 0.01 s
+    own = make_scaled("Own", {1_000: (0.0025, 1 - 1e-6)})  # as the label: the solver takes 0.01 s
     (line,) = scaling_gain.lines([own, *exact.values()])
     assert line == ["1,000", "Own", "1.155 %", "2.50", "10.00", "4.0"]
 
@@ -453,15 +453,31 @@ def test_times_of_two_machines_are_not_compared(make_scaled):
     assert "| Near | 0.500 % |" in page_of(rows)
 
 
-def test_time_of_an_equally_good_coarser_mesh_is_on_the_line_between_the_sizes(rows):
-    verdicts = [scaling_scores.verdict(rows, size) for size in (1_000, 10_000)]
-    small, large = (scaling_scores.floor(size) for size in (1_000, 10_000))
-    side, seconds = scaling_scores.solver_seconds(verdicts, np.sqrt(small * large))
-    assert (side, seconds) == ("", pytest.approx(np.sqrt(0.1 * 1.0)))
-    assert scaling_scores.solver_seconds(verdicts, small) == ("", pytest.approx(0.1))
-    assert scaling_scores.solver_seconds(verdicts, 2 * small) == ("< ", 0.1)
-    assert scaling_scores.solver_seconds(verdicts, large / 2) == ("> ", 1.0)
-    assert np.isnan(scaling_scores.solver_seconds([], small)[1])
+def test_what_an_error_costs_the_solver_is_on_the_line_between_the_sizes(make_scaled, exact):
+    times = scaling_scores.exact_seconds([*exact.values()])
+    assert times == dict.fromkeys(surfaces.SURFACES, TIMES)
+
+    def equal(factor, of="label", size=1_000):
+        row = make_scaled("Row", {size: (0.5, factor)}, of=of)
+        return scaling_scores.equal(row, size, times)
+
+    t, own = TIMES.values()
+    assert equal(1.0) == scaling_scores.Equal("", pytest.approx(t), pytest.approx(t / 0.5))
+    finer = equal(1.0, size=10_000)
+    assert (finer.side, finer.seconds) == ("", pytest.approx(own))
+    assert equal(1.0, of="limit") == scaling_scores.Equal(
+        "> ", pytest.approx(own), pytest.approx(2)
+    )
+    assert equal(3.0) == scaling_scores.Equal("< ", t, t / 0.5)
+    errors = [
+        [surfaces.pinned(surface, size).discretisation_error for size in TIMES]
+        for surface in surfaces.SURFACES
+    ]
+    between = equal(1 + np.sqrt(np.prod(np.median(errors, axis=0))), of="limit")
+    assert between.side == ""
+    assert t < between.seconds < own
+    nothing = scaling_scores.equal(make_scaled("Row", {1_000: (0.5, 1.0)}), 1_000, {})
+    assert (nothing.side, np.isnan(nothing.seconds), np.isnan(nothing.gain)) == ("", True, True)
 
 
 def test_page_and_figure_are_the_same_in_any_order(rows):
