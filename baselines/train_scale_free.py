@@ -5,7 +5,7 @@
 
 The network, its loss and its schedule are those of `table2-alg-scale-free` on 1.0, and so is the
 rule that ends a training. By default it is trained with everything and once for each protocol but
-`family`, which asks for a training without each of 21 groups of families: about an hour each on one
+`family`, which asks for a training without each of 20 groups of families: half an hour each on one
 core. What is finished in --runs is left as it is, an interrupted training goes on. The weights of
 all that is finished go to baselines/gcn_scale_free.safetensors.
 """
