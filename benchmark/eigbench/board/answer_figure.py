@@ -185,7 +185,7 @@ def sentences(board: Board, solver: str = "lapy") -> str:
     exact = [row for row in board.rows if row.submission.slug == solver]
     models = [(row, row.submission.result["model"]) for row in board.rows]
     trained = [
-        row for row, meta in models if not untrained(meta) and trained_on(meta, board.version)
+        row for row, meta in models if meta["kind"] == "learned" and trained_on(meta, board.version)
     ]
     unseen = {
         row.submission.name: error
@@ -197,9 +197,9 @@ def sentences(board: Board, solver: str = "lapy") -> str:
     least, name = _error(exact[0]), exact[0].submission.name
     every = [
         "**A solver is exact for the mesh, not for the surface.** On the test shapes of "
-        f"synthNet {board.version}, {name}'s eigenvalues are off by {_percent(least)} on average "
-        f"(mean RPD {_digits(least)}), because linear functions on flat triangles only approximate "
-        "the surface's eigenfunctions.",
+        f"synthNet {board.version}, {name}'s eigenvalues are off by about {_percent(least)} on "
+        f"average (mean RPD {_digits(least)}), because linear functions on flat triangles only "
+        "approximate the surface's eigenfunctions.",
         _on_familiar_shapes(trained, exact[0]),
         _on_unseen_families(board, trained, unseen, exact[0]),
         *_without_training(board, trained, exact[0]),
@@ -232,7 +232,7 @@ def _on_unseen_families(
         f"**On families never seen in training, {verdict}.** {_are(len(still), len(unseen))} "
         f"significantly closer than {solver.submission.name}"
         f"{': ' if still else ''}{' and '.join(still)}. "
-        f"The median model is off by {_percent(median)} (RPD {_digits(median)})."
+        f"The median model is off by about {_percent(median)} (RPD {_digits(median)})."
     )
 
 

@@ -23,7 +23,10 @@ from eigbench.scoring import targets
 from eigbench.scoring.names import SURFACE
 from synthnet.store.files import make_directory, sha256, write_atomically
 
-COLUMNS = ("row", "seed", "shape", "instance", "family", "index", "mesh", "surface", "prediction")
+COLUMNS = (
+    *("row", "seed", "shape", "instance", "group", "family", "index"),
+    *("mesh", "surface", "surface_bar", "prediction"),
+)
 COSTS = ("ms_per_mesh", "threads", "device", "hardware", "counted_by")  # old results lack the last
 
 
@@ -135,24 +138,36 @@ def _in_digits(held_out: generalisation.HeldOut) -> dict[str, float | None]:
 def tidy(submission: Submission) -> pa.Table:
     """Return a submission's predictions, one line per eigenvalue, in the columns :data:`COLUMNS`.
 
-    ``shape`` and ``instance`` name a mesh, ``index`` counts eigenvalues from 1; ``mesh`` and
-    ``surface`` are the two targets in 1/length², the latter null where it is not known.
+    ``shape`` and ``instance`` name a mesh, ``group`` the surface that intervals resample as one,
+    ``index`` counts eigenvalues from 1; ``mesh`` and ``surface`` are the two targets and
+    ``surface_bar`` the bar of the latter, in 1/length², these two null where it is not known.
     """
     truth = submission.truth
     seeds, n, k = submission.predictions.shape
     surface = targets.at(truth, SURFACE)
     instances = [int(id.rpartition("/")[2]) for id in truth.ids]
     missing = np.full((n, k), np.nan)
-    limits = missing if surface is None else surface.eigenvalues
+    limits, bars = (
+        (missing, missing) if surface is None else (surface.eigenvalues, surface.tolerance)
+    )
+
+    def of_mesh(values: Any) -> pa.Array:  # one a mesh
+        return pa.array(np.tile(np.repeat(values, k), seeds))
+
+    def of_target(values: np.ndarray) -> pa.Array:  # one an eigenvalue
+        return pa.array(np.tile(values.ravel(), seeds), from_pandas=True)
+
     values = {
         "row": pa.array([submission.slug]).dictionary_encode().take(pa.array([0] * seeds * n * k)),
         "seed": pa.array(np.repeat(np.arange(seeds, dtype=np.int32), n * k)),
-        "shape": pa.array(np.tile(np.repeat(truth.shapes, k), seeds)).dictionary_encode(),
-        "instance": pa.array(np.tile(np.repeat(np.array(instances, np.int32), k), seeds)),
-        "family": pa.array(np.tile(np.repeat(truth.families, k), seeds)).dictionary_encode(),
+        "shape": of_mesh(truth.shapes).dictionary_encode(),
+        "instance": of_mesh(np.array(instances, np.int32)),
+        "group": of_mesh(truth.groups).dictionary_encode(),
+        "family": of_mesh(truth.families).dictionary_encode(),
         "index": pa.array(np.tile(np.arange(1, k + 1, dtype=np.int32), seeds * n)),
-        "mesh": pa.array(np.tile(truth.eigenvalues.ravel(), seeds)),
-        "surface": pa.array(np.tile(limits.ravel(), seeds), from_pandas=True),
+        "mesh": of_target(truth.eigenvalues),
+        "surface": of_target(limits),
+        "surface_bar": of_target(bars),
         "prediction": pa.array(submission.predictions.ravel()),
     }
     return pa.table(values)

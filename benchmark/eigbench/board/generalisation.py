@@ -55,10 +55,10 @@ EXPLAINED = (
     "marked."
 )
 NEAR = (
-    "For each tested shape, the nearest shape that a model may be trained on: by the largest "
-    "relative difference of their surfaces' spectra (of imported meshes, of their labels), each "
-    "divided by its geometric mean, so that scale does not count. If most tested shapes have such "
-    "a neighbour within 1 %, the test is one of interpolation."
+    "For each tested shape, the nearest shape of the training split that the protocol leaves: by "
+    "the largest |ln(λ/λ')| of their surfaces' spectra (of imported meshes, of their labels), "
+    "each divided by its geometric mean, so that scale does not count. If most tested shapes have "
+    "such a neighbour within 1 %, the test is one of interpolation."
 )
 
 

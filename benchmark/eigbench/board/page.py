@@ -66,7 +66,7 @@ training data come first.
 `eigbench leaderboard` generates this page from `benchmark/results`, `benchmark/predictions` and the
 spectra pinned in this repository; CI does so again and fails if one byte differs. It runs no
 submitted model. [How to add a row](docs/submit.md) · [what the metrics mean](docs/metrics.md) ·
-[the rules](docs/rules.md)
+[the rules](docs/rules.md) · [every prediction as a table](docs/submit.md#boards-for-programs)
 
 **Rank** is a 95 % confidence interval: it follows from paired differences to every other row, with
 Holm's correction for their number. Scores are means ± half the width of their 95 % interval;

@@ -30,7 +30,8 @@ OF_RESULTS = "the import, sealed set or directory that was predicted"
 TIES = (
     "(interval): the shapes are too few to tell. (few shapes): fewer than five say nothing. "
     "(floor): the target is known too coarsely to tell, see docs/metrics.md; PSNR has no floor. "
-    "(equal): the same on every instance. (not finite): both have such values."
+    "(equal): the same on every instance. (not finite): both have such values. Verdicts are of "
+    "these two results alone; a board corrects them for its number of rows."
 )
 
 

@@ -122,7 +122,7 @@ def _report(
     if not is_sealed(labels.version):
         for finding in record.two_faced(targets.every(labels), evaluation):
             print(f"warning: {finding}; verify-row refuses such a row", file=sys.stderr)
-    score.warn_of_copies(result["model"]["kind"], labels, evaluation.predictions)
+    score.warn_of_answers(result["model"]["kind"], labels, evaluation.predictions)
 
 
 def _check_out(out: Path, predictor: Path, partial: bool, labels: truth.Truth) -> None:

@@ -90,8 +90,10 @@ def exit_code(problem: str) -> int:
     return 0
 
 
-def warn_of_copies(kind: str, labels: truth.Truth, answers: NDArray[np.float64]) -> None:
-    """Print which answers of a kind of model are the target to the bit, at each target."""
+def warn_of_answers(kind: str, labels: truth.Truth, answers: NDArray[np.float64]) -> None:
+    """Print how many spectra do not ascend, and which are a target to the bit, at each target."""
+    if finding := predictions.unordered(answers):
+        print(f"warning: {finding}", file=sys.stderr)
     for known in targets.every(labels):
         if finding := predictions.looked_up(kind, known, answers):
             print(f"warning: {finding}", file=sys.stderr)
@@ -116,7 +118,7 @@ def score(options: argparse.Namespace) -> int:
         print(f"{options.file} on {described(result)}\n")
         print_scores(scored)
         print(EXPLAINED)
-    warn_of_copies("", labels, values)
+    warn_of_answers("", labels, values)
     return exit_code(predictions.unphysical(labels, values))
 
 

@@ -55,7 +55,7 @@ def submit(options: argparse.Namespace) -> int:
             "verify-row` says so of a row on the board; take 'verified' out of the file"
         )
     kind = row.result["model"]["kind"]
-    score.warn_of_copies(kind, row.truth, row.predictions)
+    score.warn_of_answers(kind, row.truth, row.predictions)
     if options.dry_run:
         return _try(row, root, options)
     paths = leaderboard.add(row, root, replace=options.replace)

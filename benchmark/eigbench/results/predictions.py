@@ -138,6 +138,24 @@ def unphysical(truth: Truth, answers: NDArray[np.float64]) -> str:
     return ""
 
 
+def unordered(answers: NDArray[np.float64]) -> str:
+    """Return one line about spectra that do not ascend, empty if all do.
+
+    Examples
+    --------
+    >>> unordered(np.array([[[1.0, 2.0], [2.0, 1.0]]]))
+    '1 of 2 spectra does not ascend: metrics compare λ1 with λ1 and so on, as the answers stand'
+    """
+    wrong = int((np.diff(answers, axis=-1) < 0).any(axis=-1).sum())
+    if not wrong:
+        return ""
+    return (
+        f"{wrong:,} of {answers.shape[0] * answers.shape[1]:,} spectra "
+        f"{'does' if wrong == 1 else 'do'} not ascend: metrics compare λ1 with λ1 and so on, as "
+        "the answers stand"
+    )
+
+
 def extreme(answers: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which values are finite, not 0, and too large or too small for an eigenvalue.
 

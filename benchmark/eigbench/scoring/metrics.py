@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Counts changes of the formulas below; results of another version are not compared
-METRIC_VERSION = 1
+# Counts changes of the formulas and their intervals; results of other versions are not compared
+METRIC_VERSION = 2
 EPSILON = 1e-12  # what RPD adds; the paper says "a small non-zero constant"
 ACCURATE = 20.0  # decibels of PSNR above which the paper calls a prediction accurate
 
@@ -69,7 +69,7 @@ def polar_loss(p: Array, g: Array) -> Array:
         length_p, length_g = np.linalg.norm(p, axis=1), np.linalg.norm(g, axis=1)
         cosine = (p * g).sum(axis=1) / (length_p * length_g)
         apart = np.linalg.norm(p - g, axis=1) / (length_p + length_g)
-        return np.asarray(1 - cosine + apart)
+        return np.asarray(1 - np.minimum(cosine, 1) + apart)  # rounding may exceed 1
 
 
 def psnr(p: Array, g: Array) -> Array:

@@ -66,11 +66,12 @@ def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
     dict
         ``overall``: for each metric the mean over meshes and seeds, the median, a 95 %
         percentile-bootstrap interval of the mean over shapes and seeds, the standard deviation
-        of the mean over seeds, and the mean over families of the families' means. ``families``:
-        count, shapes, mean and median for each family. ``per_index``: mean and median relative
-        error of each eigenvalue. ``exact``: the share of spectra, over seeds, that are right
-        within the bars of the target. Numbers that are not finite are ``None``; nothing is left
-        out of a mean.
+        of the mean over seeds, and the mean over families of the families' means. The interval
+        of a share lies within 0 and 1, and ends no nearer to them than by the rule of three.
+        ``families``: count, shapes, mean and median for each family. ``per_index``: mean and
+        median relative error of each eigenvalue. ``exact``: the share of spectra, over seeds,
+        that are right within the bars of the target. Numbers that are not finite are ``None``;
+        nothing is left out of a mean.
 
     Examples
     --------
@@ -105,9 +106,9 @@ def _overall(
     low = high = float("nan")
     if np.isfinite(table).all():
         low, high = bootstrap.interval(drawn.means(table))
-    if share and means.min() == means.max() and means[0] in (0, 1):
+    if share:  # the factor for few seeds may lead beyond 0 and 1
         bound = min(1.0, CERTAIN / drawn.shapes)
-        low, high = (1 - bound, 1.0) if means[0] else (0.0, bound)
+        low, high = min(max(low, 0.0), 1 - bound), max(min(high, 1.0), bound)
     return {
         "mean": _number(means.mean()),
         "median": _number(np.median(table)),

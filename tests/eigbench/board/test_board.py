@@ -88,7 +88,7 @@ def test_evaluated_result_is_borne_out_by_its_predictions(weyl, mini_truth):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda r: r.update(metric_version=2), r"has metric version 2, these are version 1"),
+        (lambda r: r.update(metric_version=1), r"has metric version 1, these are version 2"),
         (lambda r: r["dataset"].update(split_digest="0" * 64), r"its split_digest is 0{16}, that"),
         (lambda r: r["dataset"].update(shapes=35), r"its shapes is 35, that of 1.0-mini here is"),
         (lambda r: r["dataset"].update(shapes=33), r"the families have 34 shapes of 33"),
@@ -332,8 +332,10 @@ def test_export_writes_a_line_an_eigenvalue_with_both_targets(printed, board, mi
     assert len(table) == 306 * 10 * 5  # four rows, one of them of two seeds
     lines = table[(table["row"] == "one-percent") & (table["index"] == 4)]
     np.testing.assert_array_equal(lines["mesh"], mini_truth.eigenvalues[:, 3])
-    surface = targets.at(mini_truth, "surface").eigenvalues
-    np.testing.assert_array_equal(lines["surface"], surface[:, 3])
+    surface = targets.at(mini_truth, "surface")
+    np.testing.assert_array_equal(lines["surface"], surface.eigenvalues[:, 3])
+    np.testing.assert_array_equal(lines["surface_bar"], surface.tolerance[:, 3])
+    assert list(lines["group"]) == list(mini_truth.groups)
     ids = [f"{s}/{i}" for s, i in zip(lines["shape"], lines["instance"], strict=True)]
     assert ids == list(mini_truth.ids)
     assert lines["prediction"].between(1.009 * lines["mesh"], 1.031 * lines["mesh"]).all()

@@ -111,6 +111,25 @@ def test_where_all_succeed_the_bound_is_that_of_the_rule_of_three(random_case):
     assert (none_right["low"], none_right["high"]) == (0, pytest.approx(3 / 40))
 
 
+@pytest.mark.parametrize("failing", [1, 2, 39])
+def test_no_share_is_surer_than_where_all_succeed(random_case, failing):
+    truth, _ = random_case
+    shapes = sorted(set(truth.groups.tolist()))
+    wrong = np.isin(truth.groups, shapes[:failing])
+    answers = truth.eigenvalues * np.where(wrong, 9, 1.001)[:, None]
+    share = scores.score(truth, answers[None])["overall"]["psnr20"]
+    assert 0 <= share["low"] <= min(share["mean"], 1 - 3 / 40 + 1e-12)
+    assert 1 >= share["high"] >= max(share["mean"], 3 / 40 - 1e-12)
+
+
+def test_the_share_of_several_seeds_has_an_interval_within_0_and_1(random_case):
+    truth, _ = random_case
+    seeds = truth.eigenvalues * np.array([1.001, 1.001, 9.0])[:, None, None]
+    share = scores.score(truth, seeds)["overall"]["psnr20"]
+    assert share["mean"] == pytest.approx(2 / 3)
+    assert (share["low"], share["high"]) == (0, 1)
+
+
 def test_seeds_that_disagree_widen_the_interval(random_case):
     truth, _ = random_case
     alike = truth.eigenvalues * np.array([1.1, 1.1, 1.1])[:, None, None]
