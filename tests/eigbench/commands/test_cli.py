@@ -98,6 +98,15 @@ def test_score_prints_the_tables(printed, weyl):
     assert "λ10" in out
 
 
+def test_score_says_how_many_spectra_do_not_ascend(eigbench, mini_truth, tmp_path):
+    answers = 1.01 * mini_truth.eigenvalues
+    answers[3] = answers[3, ::-1]
+    np.savez(tmp_path / "a.npz", ids=np.array(mini_truth.ids), eigenvalues=answers)
+    code, _, stderr = eigbench("score", tmp_path / "a.npz", "--dataset", "1.0-mini")
+    assert code == 0
+    assert stderr.startswith("warning: 1 of 306 spectra does not ascend: ")
+
+
 @pytest.mark.parametrize(
     ("more", "message"),
     [
