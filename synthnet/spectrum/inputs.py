@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.errors import counted
 from synthnet.mesh.repair import Repaired, Rules, repair
 from synthnet.types import Mesh
 
@@ -113,7 +114,8 @@ def check(mesh: Mesh) -> None:
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
         what = "NaN" if np.isnan(points[bad]).any() else "infinite"
-        raise ValueError(f"{len(bad)} vertices are {what}, the first is vertex {bad[0]}")
+        many = counted(len(bad), "vertex is", "vertices are")
+        raise ValueError(f"{many} {what}, the first is vertex {bad[0]}")
     with np.errstate(over="ignore"):  # a width may be infinite between numbers that are not
         size, extent = float(np.abs(points).max()), float(np.ptp(points, axis=0).max())
     if size > most or 0 < extent < least:

@@ -58,7 +58,8 @@ def test_not_finite(data):
     value = data.draw(st.sampled_from([np.nan, np.inf, -np.inf]))
     points[bad, data.draw(st.integers(0, 2))] = value
     what = "NaN" if np.isnan(value) else "infinite"
-    expected = f"{len(bad)} vertices are {what}, the first is vertex {bad[0]}"
+    are = "vertex is" if len(bad) == 1 else "vertices are"
+    expected = f"{len(bad)} {are} {what}, the first is vertex {bad[0]}"
     assert line((points, mesh.faces)) == expected
 
 
