@@ -143,7 +143,7 @@ LONG = {  # the paper's best row, for as long as it still improves
         SCALE_FREE["table2-alg-virtual-scale-free"], plateau=6000, fall=10_000, floor=0.01
     )
 }
-MODERN = replace(  # the network of 2.0 is trained by it
+MODERN = replace(  # an earlier schedule of this form, for trials of minutes
     scale_free(TrainConfig()),
     model=GCNConfig("ALG", False, 3, scale_free=True),
     schedule="one-cycle",
