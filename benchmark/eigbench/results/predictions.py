@@ -146,7 +146,7 @@ def unordered(answers: NDArray[np.float64]) -> str:
     >>> unordered(np.array([[[1.0, 2.0], [2.0, 1.0]]]))
     '1 of 2 spectra does not ascend: metrics compare λ1 with λ1 and so on, as the answers stand'
     """
-    wrong = int((np.diff(answers, axis=-1) < 0).any(axis=-1).sum())
+    wrong = int((answers[..., 1:] < answers[..., :-1]).any(axis=-1).sum())
     if not wrong:
         return ""
     return (

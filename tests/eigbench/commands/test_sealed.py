@@ -29,7 +29,7 @@ def answers(sealed_truth, tmp_path):
     """A file of predictions, each off by a part of its own."""
     rng = np.random.default_rng(0)
     predicted = sealed_truth.eigenvalues * rng.uniform(0.8, 1.2, sealed_truth.eigenvalues.shape)
-    predictions.write(tmp_path / "answers.parquet", sealed_truth, predicted[None])
+    predictions.write(tmp_path / "answers.parquet", sealed_truth, np.sort(predicted)[None])
     return tmp_path / "answers.parquet"
 
 
