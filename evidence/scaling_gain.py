@@ -37,12 +37,15 @@ def lines(rows: Sequence[Scaled]) -> list[list[str]]:
             gains = [(scores.equal(row, size, exact), row) for row in some]
             found += [
                 _cells(row, size, equal)
-                for equal, row in sorted(gains, key=lambda of: -of[0].gain)[:1]
+                for equal, row in sorted(gains, key=lambda of: -of[0].gain.value)[:1]
             ]
     return found
 
 
 def _cells(row: Scaled, size: int, equal: Equal) -> list[str]:
     medians = scores.medians(row, size)
-    times = f"{equal.side}{ms(equal.seconds)}", f"{equal.side}{equal.gain:,.1f}"
+    times = (
+        equal.seconds.side + ms(equal.seconds.value),
+        equal.gain.side + f"{equal.gain.value:,.1f}",
+    )
     return [f"{size:,}", row.name, percent(medians.distance), ms(medians.seconds), *times]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eigbench import results
 from eigbench.scaling import surfaces
@@ -20,7 +21,6 @@ from eigbench.scaling.results import ANSWERED, Scaled
 
 EXACT = 1e-9  # relative, of every eigenvalue: solvers are within 1e-11, a good fit is not
 NEAR = 2.0  # times the discretisation error; a larger error is a trade against time, not a win
-HALF = 0.5  # of the surfaces
 SAME = 1e-6  # relative: distances from a surface that differ by less are equal
 
 
@@ -50,17 +50,24 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True)
+class Median:
+    """A median of numbers of which some are known by bounds alone."""
+
+    side: str  #: ``<`` or ``>`` where the median is not known, but this bound of it; else empty
+    value: float  #: NaN where nothing is known
+
+
+@dataclass(frozen=True, slots=True)
 class Equal:
     """What a model's error to the surface costs an exact solver, on whichever mesh it takes.
 
-    Medians over the surfaces that the model answered; NaN where no time of a solver is known.
+    Medians over the surfaces that the model answered. An error that is larger than on the coarsest
+    mesh that a solver answered bounds the time from above, one that is smaller than on the finest
+    from below.
     """
 
-    #: ``<`` where the error is larger than on the coarsest mesh that a solver answered, ``>`` where
-    #: it is smaller than on the finest, on half of the surfaces at least: the others are bounds.
-    side: str
-    seconds: float
-    gain: float  #: times as long as the model
+    seconds: Median
+    gain: Median  #: times as long as the model
 
 
 def settings(rows: Sequence[Scaled]) -> dict[str, list[Scaled]]:
@@ -158,25 +165,51 @@ def exact_seconds(rows: Sequence[Scaled]) -> dict[str, dict[int, float]]:
 
 def equal(row: Scaled, size: int, exact: Mapping[str, Mapping[int, float]]) -> Equal:
     """Return what the error of a model at a size costs an exact solver; see exact_seconds."""
-    facts = []
+    bounds = []
     for surface, times in exact.items():
         mesh = row.meshes.get((surface, size))
         if mesh is None or mesh["outcome"] != ANSWERED:
             continue
-        error = distance(mesh)
-        coarsest, finest = (
-            surfaces.pinned(surface, end).discretisation_error for end in (min(times), max(times))
-        )
-        beyond = error > coarsest * (1 + SAME), error < finest * (1 - SAME)
-        own, bound, takes = seconds(mesh), times[min(times)], equal_seconds(surface, times, error)
-        facts.append((*beyond, bound, bound / own, takes, takes / own))
-    if not facts:
-        return Equal("", np.nan, np.nan)
-    coarser, finer, *_ = np.mean(facts, axis=0)
-    *_, bound, most, takes, gain = np.median(facts, axis=0).tolist()
-    if coarser >= HALF:
-        return Equal("< ", bound, most)
-    return Equal("> " if finer >= HALF else "", takes, gain)
+        least, most = solver_bounds(surface, times, distance(mesh))
+        bounds.append((least, most, least / seconds(mesh), most / seconds(mesh)))
+    times_least, times_most, gains_least, gains_most = np.reshape(bounds, (-1, 4)).T
+    return Equal(bounded_median(times_least, times_most), bounded_median(gains_least, gains_most))
+
+
+def solver_bounds(surface: str, times: Mapping[int, float], error: float) -> tuple[float, float]:
+    """Return a lower and an upper bound of the seconds that an exact solver takes for an error.
+
+    They are equal between the errors of the coarsest and the finest mesh that a solver answered.
+    """
+    coarsest, finest = (
+        surfaces.pinned(surface, end).discretisation_error for end in (min(times), max(times))
+    )
+    if error > coarsest * (1 + SAME):
+        return 0.0, times[min(times)]
+    takes = equal_seconds(surface, times, error)
+    return takes, np.inf if error < finest * (1 - SAME) else takes
+
+
+def bounded_median(
+    least: Sequence[float] | NDArray[np.float64], most: Sequence[float] | NDArray[np.float64]
+) -> Median:
+    """Return the median of numbers of which a lower and an upper bound are known.
+
+    The upper bound of the median is said if there is one.
+
+    Examples
+    --------
+    >>> bounded_median([1, 2, 3], [1, 2, np.inf])
+    Median(side='', value=2.0)
+    >>> bounded_median([1, 0, 0], [1, 4, 5]), bounded_median([1, 2, 3], [1, np.inf, np.inf])
+    (Median(side='< ', value=4.0), Median(side='> ', value=2.0))
+    """
+    if not len(least):
+        return Median("", np.nan)
+    low, high = float(np.median(least)), float(np.median(most))
+    if low == high:
+        return Median("", low)
+    return Median("< ", high) if np.isfinite(high) else Median("> ", low)
 
 
 def equal_seconds(surface: str, times: Mapping[int, float], distance: float) -> float:

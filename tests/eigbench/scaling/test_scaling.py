@@ -462,22 +462,62 @@ def test_what_an_error_costs_the_solver_is_on_the_line_between_the_sizes(make_sc
         return scaling_scores.equal(row, size, times)
 
     t, own = TIMES.values()
-    assert equal(1.0) == scaling_scores.Equal("", pytest.approx(t), pytest.approx(t / 0.5))
-    finer = equal(1.0, size=10_000)
-    assert (finer.side, finer.seconds) == ("", pytest.approx(own))
-    assert equal(1.0, of="limit") == scaling_scores.Equal(
-        "> ", pytest.approx(own), pytest.approx(2)
-    )
-    assert equal(3.0) == scaling_scores.Equal("< ", t, t / 0.5)
+
+    def both(side, seconds):
+        sides = [scaling_scores.Median(side, pytest.approx(s)) for s in (seconds, seconds / 0.5)]
+        return scaling_scores.Equal(*sides)
+
+    assert equal(1.0) == both("", t)
+    assert equal(1.0, size=10_000) == both("", own)
+    assert equal(1.0, of="limit") == both("> ", own)
+    assert equal(3.0) == both("< ", t)
     errors = [
         [surfaces.pinned(surface, size).discretisation_error for size in TIMES]
         for surface in surfaces.SURFACES
     ]
     between = equal(1 + np.sqrt(np.prod(np.median(errors, axis=0))), of="limit")
-    assert between.side == ""
-    assert t < between.seconds < own
+    assert between.seconds.side == ""
+    assert t < between.seconds.value < own
     nothing = scaling_scores.equal(make_scaled("Row", {1_000: (0.5, 1.0)}), 1_000, {})
-    assert (nothing.side, np.isnan(nothing.seconds), np.isnan(nothing.gain)) == ("", True, True)
+    for median in (nothing.seconds, nothing.gain):
+        assert (median.side, np.isnan(median.value)) == ("", True)
+
+
+@pytest.mark.parametrize(
+    ("coarser", "finer", "expected"),
+    [
+        (0, 2, ""),  # the median is among the four that are known
+        (2, 0, ""),
+        (3, 0, "< "),
+        (1, 3, "> "),
+        (3, 3, "> "),  # the mean of the two in the middle has no upper bound
+    ],
+)
+def test_what_an_error_costs_has_the_side_that_the_surfaces_bear_out(
+    make_scaled, exact, coarser, finer, expected
+):
+    times = scaling_scores.exact_seconds([*exact.values()])
+    worse, within, nearer = (
+        make_scaled("Row", {1_000: (0.5, factor)}, of=of).result["meshes"]
+        for factor, of in ((3.0, "label"), (1.0, "label"), (1.0, "limit"))
+    )
+    known = len(within) - finer
+    row = make_scaled("Row", {1_000: (0.5, 1.0)})
+    row.result["meshes"] = worse[:coarser] + within[coarser:known] + nearer[known:]
+    found = scaling_scores.equal(row, 1_000, times)
+    for median in (found.seconds, found.gain):
+        assert median.value > 0
+        assert median.side == expected
+
+
+def test_an_upper_bound_counts_the_times_that_are_known_and_longer(make_scaled, exact):
+    times = scaling_scores.exact_seconds([*exact.values()])
+    t, own = TIMES.values()
+    row = make_scaled("Row", {1_000: (0.5, 3.0)})  # worse than on the coarsest mesh
+    fine = make_scaled("Row", {10_000: (0.5, 1.0)}).result["meshes"]
+    row.result["meshes"][3:] = [mesh | {"size": 1_000} for mesh in fine[3:]]
+    found = scaling_scores.equal(row, 1_000, times).seconds
+    assert found == scaling_scores.Median("< ", pytest.approx((t + own) / 2))
 
 
 def test_page_and_figure_are_the_same_in_any_order(rows):
