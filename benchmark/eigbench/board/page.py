@@ -72,7 +72,7 @@ submitted model. [How to add a row](docs/submit.md) · [what the metrics mean](d
 Holm's correction for their number. Scores are means ± half the width of their 95 % interval;
 brackets after a score give the standard deviation over seeds, brackets after a speed its 95 %
 interval. *LaPy with CHOLMOD* is LaPy at its fastest. The *macro average* is the mean of the
-families' means. If no prediction fails, the bound (≥ …) is by the rule of three.
+families' means. If an interval of a share reaches 100 % or 0 %, its other end is given (≥ or ≤).
 
 **Verified** rows have been run again by a maintainer, in a sandbox, on the test split and on
 [freshly drawn shapes](docs/threats.md#a-row-that-is-made-up). If a board has verified rows, only

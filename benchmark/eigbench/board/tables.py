@@ -111,7 +111,7 @@ def interval(low: float | None, high: float | None, key: str) -> str:
 def with_uncertainty(cell: dict[str, float | None], key: str) -> str:
     """Return a mean ± half its interval, and in brackets the deviation over seeds.
 
-    Where all succeed, or none, the bound of the rule of three stands in brackets instead.
+    Where an interval of a share ends at 0 or 1, its other end stands in brackets instead of the ±.
 
     Examples
     --------
@@ -121,19 +121,27 @@ def with_uncertainty(cell: dict[str, float | None], key: str) -> str:
     '90.00 % (0.00)'
     >>> with_uncertainty({"mean": 1.0, "low": 0.997, "high": 1.0, "seed_std": None}, "psnr20")
     '100 % (≥ 99.70 %)'
+    >>> with_uncertainty({"mean": 0.999, "low": 0.99, "high": 1.0, "seed_std": None}, "psnr20")
+    '99.90 % (≥ 99.00 %)'
     >>> with_uncertainty({"mean": 0.0, "low": 0.0, "high": 0.0, "seed_std": None}, "rpd")
     'exact'
     >>> with_uncertainty({"mean": 3e-7, "low": 0.0, "high": 8e-7, "seed_std": None}, "rpd")
     '< 0.0001'
     """
     mean, low, high = cell["mean"], cell["low"], cell["high"]
-    if METRICS[key].unit == "share" and low is not None and high is not None and mean in (0, 1):
-        return f"100 % (≥ {score(low, key)})" if mean else f"0 % (≤ {score(high, key)})"
-    text = score(mean, key)
+    is_share = METRICS[key].unit == "share"
+    text = f"{mean:.0%}".replace("%", " %") if is_share and mean in (0, 1) else score(mean, key)
     if text == "exact" or (text.startswith("<") and text == score(high, key)):
         return text  # and so is its uncertainty
     if low is not None and high is not None:
-        text += f" ± {_spread((high - low) / 2, key)}"
+        if is_share and high == 1:
+            text += f" (≥ {score(low, key)})"
+        elif is_share and low == 0:
+            text += f" (≤ {score(high, key)})"
+        else:
+            text += f" ± {_spread((high - low) / 2, key)}"
+    if is_share and mean in (0, 1):  # of every seed
+        return text
     if (deviation := cell["seed_std"]) is not None:
         known = 0.0 if deviation <= ROUNDING * abs(mean or 0) else deviation
         text += f" ({_spread(known, key)})"

@@ -67,7 +67,8 @@ def score(truth: Truth, predictions: NDArray[np.float64]) -> dict[str, Any]:
         ``overall``: for each metric the mean over meshes and seeds, the median, a 95 %
         percentile-bootstrap interval of the mean over shapes and seeds, the standard deviation
         of the mean over seeds, and the mean over families of the families' means. The interval
-        of a share lies within 0 and 1, and ends no nearer to them than by the rule of three.
+        of a share lies within 0 and 1; of n shapes its lower end is at most 1 - 3/n, its upper end
+        at least 3/n, by the rule of three.
         ``families``: count, shapes, mean and median for each family. ``per_index``: mean and
         median relative error of each eigenvalue. ``exact``: the share of spectra, over seeds,
         that are right within the bars of the target. Numbers that are not finite are ``None``;
