@@ -6,8 +6,8 @@
 The network, its loss and its schedule are those of `table2-alg-scale-free` on 1.0, and so is the
 rule that ends a training. By default it is trained with everything and once for each protocol but
 `family`, which asks for a training without each of 20 groups of families: half an hour each on one
-core. What is finished in --runs is left as it is, an interrupted training goes on. The weights of
-all that is finished go to baselines/gcn_scale_free.safetensors.
+core. What is finished in --runs is left as it is, an interrupted training goes on. When all of
+these are finished, the weights go to baselines/gcn_scale_free.safetensors.
 """
 
 from __future__ import annotations
@@ -96,8 +96,12 @@ def main() -> int:
         for name, out in folders.items()
         if (out / WEIGHTS).exists()
     }
-    trainings.gather(OUT, finished, vertices=VERTICES)
-    print(f"{OUT}: {', '.join(finished)}")
+    left = [name for name in TRAINED if training_set(VERSION, name) not in finished]
+    if left:  # the file of before may hold them
+        print(f"{OUT} is as it was: {options.runs} lacks {', '.join(left)}")
+    else:
+        trainings.gather(OUT, finished, vertices=VERTICES)
+        print(f"{OUT}: {', '.join(finished)}")
     return 0
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from eigbench.board.generalisation import TITLES
 
 from evidence import ROOT, markdown
@@ -64,7 +64,7 @@ def held_out_table() -> str:
     for code, seen in SEEN.items():
         name = real[f"{code}.py"]["model"]["name"]
         errors = _errors(familiar[name], held_out[name])
-        rows.append([seen, *("not run" if e is None else f"{e:#.3g}" for e in errors)])
+        rows.append([seen, *(_cell(error, "#.3g") for error in errors)])
     headers = ["row, RPD against the surface of 2.0's test shapes", *_titles(held_out[name])]
     return markdown.table(headers, rows, "lr")
 
@@ -83,10 +83,10 @@ def share_table() -> str:
         return familiar[name]["speed_against_lapy"]
 
     rows = [
-        [name, *np.divide(errors(name), errors(exact)), speed(certified) / speed(name)]
+        [name, *_shares(errors(name), errors(exact)), speed(certified) / speed(name)]
         for name in names
     ]
-    cells = [[name, *(f"{share:.2f}" for share in shares)] for name, *shares in rows]
+    cells = [[name, *(_cell(share, ".2f") for share in shares)] for name, *shares in rows]
     return markdown.table(["row", *_titles(held_out[exact]), "time"], cells, "lr")
 
 
@@ -97,6 +97,15 @@ def _errors(familiar: dict, held_out: dict) -> list[float | None]:
     """
     scores = held_out["protocols"].values()
     return [familiar["scores"]["overall"]["rpd"]["mean"], *(by["rpd"]["score"] for by in scores)]
+
+
+def _shares(errors: Sequence[float | None], whole: Sequence[float | None]) -> list[float | None]:
+    pairs = zip(errors, whole, strict=True)
+    return [None if error is None or of is None else error / of for error, of in pairs]
+
+
+def _cell(number: float | None, digits: str) -> str:
+    return "not run" if number is None else format(number, digits)
 
 
 def _titles(held_out: dict) -> list[str]:

@@ -85,7 +85,7 @@ def draw(board: Board, solver: str = "synthnet-certified", layout: Layout = WIDE
         figures.number_marks(axes, points, floor=0.0)
         axes.set_ylabel(f"mean {METRICS[RANKED_BY].heading} to the surface")
         _draw_drops(axes, points)
-        _name(axes, points, rows, layout)
+        _name(axes, points, rows, board.version, layout)
         _key(axes, names, layout)
         unseen = axes.plot([], [], "^", color=KINDS["learned"][0], mfc="white", label=layout.open)
         blue = KINDS["classical"][0]
@@ -132,10 +132,14 @@ def _draw_drops(axes: mpl.axes.Axes, points: Sequence[Point]) -> None:
 
 
 def _name(
-    axes: mpl.axes.Axes, points: Sequence[Point], rows: Sequence[Ranked], layout: Layout
+    axes: mpl.axes.Axes,
+    points: Sequence[Point],
+    rows: Sequence[Ranked],
+    version: str,
+    layout: Layout,
 ) -> None:
     """Write beside the marks what the sentences name: the solver, the best model, its drop."""
-    trained = {row.submission.name for row in rows if not untrained(row.submission.result["model"])}
+    trained = {row.submission.name for row in _trained(rows, version)}
     font: dict[str, Any] = {"textcoords": "offset points", "fontsize": layout.font}
     font["weight"] = "bold"
     for point in points:
@@ -179,14 +183,12 @@ def sentences(board: Board, solver: str = "lapy") -> str:
     """Return the figure in sentences; empty where the solver or trained models are missing.
 
     There are three, and a fourth if a row without training is significantly nearer than the solver.
-    Models that say they are trained on other versions are left out. The board is a version's
-    against the surface; predictions are compared with the row ``solver``.
+    Trained models are those of the kind "learned" that do not say they are trained on other
+    versions. The board is a version's against the surface; predictions are compared with the row
+    ``solver``.
     """
     exact = [row for row in board.rows if row.submission.slug == solver]
-    models = [(row, row.submission.result["model"]) for row in board.rows]
-    trained = [
-        row for row, meta in models if meta["kind"] == "learned" and trained_on(meta, board.version)
-    ]
+    trained = _trained(board.rows, board.version)
     unseen = {
         row.submission.name: error
         for row in trained
@@ -205,6 +207,11 @@ def sentences(board: Board, solver: str = "lapy") -> str:
         *_without_training(board, trained, exact[0]),
     ]
     return "\n".join(f"{number}. {sentence}" for number, sentence in enumerate(every, start=1))
+
+
+def _trained(rows: Sequence[Ranked], version: str) -> list[Ranked]:
+    models = [(row, row.submission.result["model"]) for row in rows]
+    return [row for row, meta in models if meta["kind"] == "learned" and trained_on(meta, version)]
 
 
 def _on_familiar_shapes(trained: Sequence[Ranked], solver: Ranked) -> str:

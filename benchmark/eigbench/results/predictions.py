@@ -139,14 +139,19 @@ def unphysical(truth: Truth, answers: NDArray[np.float64]) -> str:
 
 
 def unordered(answers: NDArray[np.float64]) -> str:
-    """Return one line about spectra that do not ascend, empty if all do.
+    """Return one line about spectra that do not ascend, empty if all do; NaN is passed over.
 
     Examples
     --------
+    >>> unordered(np.array([[[1.0, np.nan, 2.0]]]))
+    ''
+    >>> unordered(np.array([[[3.0, np.nan, 2.0]]])) == unordered(np.array([[[3.0, 2.0]]]))
+    True
     >>> unordered(np.array([[[1.0, 2.0], [2.0, 1.0]]]))
     '1 of 2 spectra does not ascend: metrics compare λ1 with λ1 and so on, as the answers stand'
     """
-    wrong = int((answers[..., 1:] < answers[..., :-1]).any(axis=-1).sum())
+    highest = np.fmax.accumulate(answers, axis=-1)  # a NaN is no number to descend from or to
+    wrong = int((answers[..., 1:] < highest[..., :-1]).any(axis=-1).sum())
     if not wrong:
         return ""
     return (
