@@ -84,9 +84,9 @@ def _solver(size: int, exact: Mapping[str, Mapping[int, float]]) -> Column[Scale
     )
 
     def cell(row: Scaled, _: Medians) -> tuple[str, float]:
-        equal = scores.equal(row, size, exact)
-        known = np.isfinite(equal.seconds)
-        return f"{equal.side}{ms(equal.seconds)}" if known else "–", 1e3 * equal.seconds
+        takes = scores.equal(row, size, exact).seconds
+        known = np.isfinite(takes.value)
+        return f"{takes.side}{ms(takes.value)}" if known else "–", 1e3 * takes.value
 
     return _median("solver", size, "the solver's ms", note, cell)
 
