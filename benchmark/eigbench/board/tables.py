@@ -160,7 +160,10 @@ def in_order(names: Iterable[str]) -> list[str]:
 
 
 def overall(scored: dict[str, Any]) -> Table:
-    """Return the table of the metrics with their uncertainty."""
+    """Return the table of the metrics with their uncertainty.
+
+    The macro average is the mean over families of their means.
+    """
     one_seed = all(cell["seed_std"] is None for cell in scored["overall"].values())
     rows = []
     for key, metric in METRICS.items():
@@ -173,9 +176,11 @@ def overall(scored: dict[str, Any]) -> Table:
         spread = [] if one_seed else [deviation]
         median = "" if key == "psnr20" else _bare(cell["median"], key)
         unit = "" if metric.unit == "share" else metric.unit
-        rows.append([metric.heading, mean, between, *spread, median, unit])
+        macro = score(cell["by_family"], key) if mean else ""
+        rows.append([metric.heading, mean, between, *spread, macro, median, unit])
     spread = [] if one_seed else ["sd over seeds"]
-    return Table(["metric", "mean", "95 % interval", *spread, "median", "unit"], rows)
+    headers = ["metric", "mean", "95 % interval", *spread, "macro average", "median", "unit"]
+    return Table(headers, rows)
 
 
 def families(scored: dict[str, Any]) -> Table:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from eigbench.board import tables
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
 
@@ -101,6 +102,9 @@ def test_families_weigh_alike_in_the_mean_over_families(by_hand):
     assert scored["overall"]["l1"]["by_family"] == pytest.approx((11 / 3 + 0) / 2)
     assert scored["overall"]["psnr20"]["by_family"] == 0.5
     assert [family["shapes"] for family in scored["families"].values()] == [2, 1]
+    printed = tables.overall(scored)
+    (l1,) = (row for row in printed.rows if row[0] == METRICS["l1"].heading)
+    assert l1[printed.headers.index("macro average")] == "1.833"
 
 
 def test_where_all_succeed_the_bound_is_that_of_the_rule_of_three(random_case):
