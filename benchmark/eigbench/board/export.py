@@ -27,6 +27,7 @@ COLUMNS = (
     *("row", "seed", "shape", "instance", "group", "family", "index"),
     *("mesh", "surface", "surface_bar", "prediction"),
 )
+FORMATS = ("parquet", "csv")
 COSTS = ("ms_per_mesh", "threads", "device", "hardware", "counted_by")  # old results lack the last
 
 
@@ -173,17 +174,19 @@ def tidy(submission: Submission) -> pa.Table:
     return pa.table(values)
 
 
-def write(out: Path, boards: Sequence[Sequence[Submission]]) -> Iterator[Path]:
+def write(
+    out: Path, boards: Sequence[Sequence[Submission]], formats: Sequence[str] = FORMATS
+) -> Iterator[Path]:
     """Write every board's predictions as ``BOARD.parquet`` and ``BOARD.csv``; yield the paths."""
     make_directory(out, "--out")
     for submissions in boards:
         whole = pa.concat_tables([tidy(s) for s in submissions], promote_options="permissive")
         whole = whole.unify_dictionaries()
         stores = {
-            ".parquet": partial(pq.write_table, whole, compression="zstd"),
-            ".csv": partial(pyarrow.csv.write_csv, whole),
+            "parquet": partial(pq.write_table, whole, compression="zstd"),
+            "csv": partial(pyarrow.csv.write_csv, whole),
         }
-        for suffix, store in stores.items():
-            path = out / f"{submissions[0].board}{suffix}"
-            write_atomically(path, store)
+        for suffix in dict.fromkeys(formats):
+            path = out / f"{submissions[0].board}.{suffix}"
+            write_atomically(path, stores[suffix])
             yield path

@@ -60,14 +60,29 @@ REPORTED = Path("benchmark", "reported")
 WHY_NOT = Path("benchmark", "not-run.json")
 
 
-def read(root: Path, on_row: Callable[[str], None] = lambda row: None) -> list[Submission]:
-    """Read every submission under a checkout, each checked against its predictions.
+def read(
+    root: Path,
+    on_row: Callable[[str], None] = lambda row: None,
+    boards: Sequence[str] | None = None,
+) -> list[Submission]:
+    """Read the submissions under a checkout, each checked against its predictions.
+
+    Of the boards named, such as ``2.0-test-grouped``, alone, or of all. Of all they are checked
+    against each other too, and no file may be of none.
 
     Raises
     ------
     ResultError
-        If one is partial, misplaced, without predictions, or does not bear its scores out.
+        If one is partial, misplaced, without predictions, or does not bear its scores out; or if
+        a board that is named has no rows.
     """
+    if boards is not None:
+        there = sorted({path.parent.name for path in (root / RESULTS).glob("*/*.json")})
+        for board in boards:
+            if board not in there:
+                known = ", ".join(there) or "none"
+                raise ResultError(f"{root} has no board {board!r}; there is {known}")
+        return [row for board in dict.fromkeys(boards) for row in _rows(root, board, on_row)]
     rows = _rows(root, "*", on_row)
     _check_protocols(rows)
     _check_strays(root, rows)

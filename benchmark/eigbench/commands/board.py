@@ -34,8 +34,14 @@ def add_commands(command: Command) -> None:
     arguments.board(sub)
 
     text = "write every prediction on the boards as tidy tables, beside both targets"
-    sub = command("export", write_tables, text, "--out tables")
+    sub = command("export", write_tables, text, "--only 2.0-test-grouped --format parquet")
     arguments.out(sub, "tables", "directory that receives BOARD.parquet and BOARD.csv", "DIR")
+    text = "write these alone, such as 2.0-test-grouped (default: every board)"
+    sub.add_argument("--only", nargs="+", metavar="BOARD", help=text)
+    text = "of the tables (default: both)"
+    sub.add_argument(
+        "--format", nargs="+", choices=export.FORMATS, default=export.FORMATS, help=text
+    )
     arguments.board(sub)
 
     text = "write the leaderboard as a page to sort, filter and open, which needs no server"
@@ -94,7 +100,8 @@ def regenerate(options: argparse.Namespace) -> int:
     there = (path for pattern in leaderboard.GENERATED for path in root.glob(pattern))
     orphans = sorted(path for path in there if path not in known)
     if options.json:
-        print_json({"rows": len(rows), "stale": list(map(str, [*stale, *orphans]))})
+        stale_paths = list(map(str, [*stale, *orphans]))
+        print_json({"rows": len(rows), "scaling_rows": len(scaled), "stale": stale_paths})
     if options.check:
         _print_changes(root, generated, stale, orphans)
         if stale or orphans:
@@ -113,21 +120,26 @@ def regenerate(options: argparse.Namespace) -> int:
         path.unlink()
     if not options.json:
         written = ", ".join(str(root / path) for path in stale) or "nothing new"
-        print(f"rows: {len(rows)}; written: {written}")
+        print(
+            f"rows: {len(rows)} on boards, {len(scaled)} on the scaling track; written: {written}"
+        )
         for path in orphans:
             print(f"removed: {path}, which belongs to no board")
     return 0
 
 
 def write_tables(options: argparse.Namespace) -> int:
-    """Write the predictions of every board as one tidy table."""
+    """Write the predictions of each board as one tidy table."""
     root = arguments.board_root(options)
     with Console(stderr=True).status("scoring") as status:
         by_board: dict[str, list[Submission]] = {}
-        for row in leaderboard.read(root, lambda row: status.update(f"scoring {row}")):
+        for row in leaderboard.read(
+            root, lambda row: status.update(f"scoring {row}"), options.only
+        ):
             by_board.setdefault(row.board, []).append(row)
         written = []
-        for path in export.write(options.out, [by_board[name] for name in sorted(by_board)]):
+        boards = [by_board[name] for name in sorted(by_board)]
+        for path in export.write(options.out, boards, options.format):
             status.update(f"wrote {path}")
             written.append(path)
     lines = [f"{path}  {path.stat().st_size / 1e6:.1f} MB" for path in written]

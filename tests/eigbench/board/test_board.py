@@ -344,6 +344,17 @@ def test_export_writes_a_line_an_eigenvalue_with_both_targets(printed, board, mi
     assert list(as_text) == list(table)
 
 
+def test_export_writes_the_boards_and_formats_that_are_asked_for(printed, eigbench, board):
+    out = board / "some"
+    options = ("export", "--board", board, "--out", out)
+    said = printed(*options, "--only", BOARD, "--format", "parquet")
+    assert f"{BOARD}.parquet" in said
+    assert [path.name for path in out.iterdir()] == [f"{BOARD}.parquet"]
+    code, _, err = eigbench(*options, "--only", "3.0-test-grouped")
+    assert code == 2
+    assert f"has no board '3.0-test-grouped'; there is {BOARD}" in err
+
+
 def test_page_shows_the_papers_numbers_as_reported_and_not_run():
     reported = leaderboard.read_reported(CHECKOUT)
     generated = leaderboard.generate([], reported)
@@ -395,7 +406,9 @@ def test_check_passes_what_was_generated_and_generating_again_changes_nothing(pr
     out = printed("leaderboard", "--check", "--board", board)
     assert "4 rows scored anew, every generated file is up to date" in out
     before = contents(board)
-    assert "rows: 4; written: nothing new" in printed("leaderboard", "--board", board)
+    assert "rows: 4 on boards, 0 on the scaling track; written: nothing new" in printed(
+        "leaderboard", "--board", board
+    )
     assert contents(board) == before
 
 
