@@ -8,8 +8,10 @@ A network in the scale-free form is trained until it has converged, by the rule 
 configuration; one under the paper's own schedule for three hours. What is finished stays as it is;
 what was scored before it had converged is trained anew.
 An interrupted training goes on where it stopped: a kill loses a minute at most. Checkpoints lie in
---runs, which is best kept from one machine to the next. The weights go to baselines/reproduction,
-where baselines/reproduction.py loads them; results and predictions on the test split go to
+--runs, which is best kept from one machine to the next. Where it cannot be, --keep leaves the
+checkpoint of what has begun in baselines/reproduction/unfinished when --minutes are over, and the
+queue on another machine goes on from there. The weights go to baselines/reproduction, where
+baselines/reproduction.py loads them; results and predictions on the test split go to
 benchmark/reproduction. Then `make tables`. Exit code 1: a training or a scoring has failed.
 """
 
@@ -74,6 +76,10 @@ class Training:
         seed = f".{self.seed}" if self.seed else ""
         return LOADER.with_suffix("") / f"{self.row}{seed}.safetensors"
 
+    def unfinished(self) -> Path:
+        """Return the file of the checkpoint that --keep leaves for another machine."""
+        return self.weights().parent / "unfinished" / self.weights().name
+
     def result(self) -> Path:
         """Return the file of the row's result, which all its seeds share."""
         return RESULTS / self.protocol / f"{self.config}.json"
@@ -132,6 +138,11 @@ def longest(training: Training) -> float:
     return float("inf") if CONFIGS[training.config].converged else LONGEST
 
 
+def dtype(training: Training) -> str:
+    """Return what the blocks compute in: as the paper, or as fast as some processors can."""
+    return "float32" if training.config in PAPER else "bfloat16"
+
+
 def unspent(training: Training, record: dict[str, Any]) -> float:
     """Return the minutes up to the longest; 0 below the hundredth that records are rounded to."""
     remaining = longest(training) - float(record["minutes"])
@@ -145,18 +156,25 @@ def ended(record: dict[str, Any]) -> bool:
 
 def train(training: Training, out: Path, options: argparse.Namespace, minutes: float) -> bool:
     """Train for at most so many minutes; return whether it has ended, and its weights are kept."""
+    if training.unfinished().exists() and not (out / CHECKPOINT).exists():
+        make_directory(out)
+        write_bytes(out / CHECKPOINT, training.unfinished().read_bytes())
     if remaining := left(training, out):
         limit = min(minutes, remaining)
         command = ["baselines.gcn.train", "--config", training.config]
         command += ["--protocol", training.protocol, "--seed", str(training.seed)]
         command += ["--version", options.version, "--out", str(out)]
-        command += ["--dtype", "bfloat16"]  # its fastest, where the processor multiplies it
+        command += ["--dtype", dtype(training)]
         command += ["--threads", str(options.threads)]
         command += ["--max-minutes", f"{limit:.4f}"] if limit < float("inf") else []
         run([*command, "--resume"] if (out / CHECKPOINT).exists() else command)
     if left(training, out):
+        if options.keep:
+            make_directory(training.unfinished().parent)
+            write_bytes(training.unfinished(), (out / CHECKPOINT).read_bytes())
         return False
     write_bytes(training.weights(), (out / WEIGHTS).read_bytes())
+    training.unfinished().unlink(missing_ok=True)
     return True
 
 
@@ -205,10 +223,10 @@ def table(chosen: Sequence[Training], runs: Path) -> str:
     """Return what is done and what is left."""
     rows = []
     for training in chosen:
-        checkpoint = folder(training, runs) / CHECKPOINT
-        source = checkpoint if checkpoint.exists() else training.weights()
+        files = (folder(training, runs) / CHECKPOINT, training.weights(), training.unfinished())
+        source = next((path for path in files if path.exists()), None)
         cells = ["waits", "", "", "", ""]
-        if source.exists():
+        if source is not None:
             record = weights.read(source)[1]
             state = "is finished" if training.finished() else "has begun"
             scores = [
@@ -262,6 +280,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", nargs="+", metavar="CONFIG", choices=[*PAPER, *SCALE_FREE, *LONG])
     parser.add_argument(
         "--minutes", type=above_zero, default=float("inf"), help="train for so many, then stop"
+    )
+    parser.add_argument(
+        "--keep",
+        action="store_true",
+        help="when --minutes are over, leave the checkpoint to another machine",
     )
     parser.add_argument("--threads", type=int, default=1, help="(default: %(default)s)")
     parser.add_argument(

@@ -207,6 +207,29 @@ def test_what_was_scored_before_it_had_converged_is_not_finished(ran, monkeypatc
         assert (BY_RULE.finished(), BY_CLOCK.finished()) == expected
 
 
+def test_what_has_begun_on_one_machine_goes_on_on_another(ran, tmp_path):
+    def go_on(runs):
+        options = ["--keep", "--minutes", "60", "--only", BY_CLOCK.config, "--runs", str(runs)]
+        code = queue.main(["--run", *options])
+        return code, queue.folder(BY_CLOCK, runs) / queue.CHECKPOINT
+
+    one, other = tmp_path / "one", tmp_path / "other"
+    trained(queue.folder(BY_CLOCK, one) / queue.CHECKPOINT, minutes=3.0)
+    code, checkpoint = go_on(one)
+    assert code == 0
+    assert BY_CLOCK.unfinished().read_bytes() == checkpoint.read_bytes()
+    code, copied = go_on(other)
+    assert code == 0
+    assert copied.read_bytes() == checkpoint.read_bytes()
+    assert ran[-1][-1] == "--resume"
+    assert ran[-1][ran[-1].index("--dtype") + 1] == "float32"  # as the paper's
+    for name in (queue.CHECKPOINT, queue.WEIGHTS):
+        trained(copied.parent / name, minutes=180.0)
+    assert go_on(other)[0] == 1  # nothing is scored here
+    assert not BY_CLOCK.unfinished().exists()
+    assert BY_CLOCK.weights().read_bytes() == (copied.parent / queue.WEIGHTS).read_bytes()
+
+
 def test_time_left_is_that_of_the_clock_or_of_the_rule(tmp_path):
     for training, expected in ((BY_RULE, float("inf")), (BY_CLOCK, 179.0)):
         out = queue.folder(training, tmp_path)
