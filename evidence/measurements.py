@@ -32,6 +32,7 @@ REPORTS = {
         for v in ("1.0", "2.0")
     },
     "build-2.1": "synthnet info 2.1 --json > docs/data/build-2.1.json",
+    "times-elsewhere": "eigbench time, as benchmark/timing/2.0.json, on another machine",
     "surfaces": "python -m evidence draw readme",
 }
 

@@ -1,50 +1,47 @@
-"""How far ratios of times carry: speed against LaPy of the same rows, on two machines.
+"""How far ratios of times carry: speed against LaPy of the same rows, timed on two machines.
 
-The first is the run that made a row, timed beside LaPy on some of its batches; the second the clock
-of `eigbench time`, on other meshes of the same split and another machine. Rows whose code has
-changed since, runs on the clock's own processor, and runs of earlier releases, which did not charge
-the way to the predictor and back, are left out.
+Both are runs of `eigbench time` on the same meshes: docs/data/times-elsewhere.json on one machine,
+the times of the same version on the boards on the other. Rows whose code or weights have changed
+in between are left out.
 """
 
+import json
+
 import numpy as np
-from eigbench import results
-from eigbench.board.leaderboard import RESULTS
 from eigbench.board.tables import number
 from eigbench.results import timing
 
-from evidence import ROOT, markdown
-from synthnet.store.files import sha256
+from evidence import DATA, ROOT, markdown
+
+ELSEWHERE = DATA / "times-elsewhere.json"
 
 
 def measure() -> dict:
-    """Return one row per result and dataset, and how much the ratios of the two machines differ."""
+    """Return both ratios of each row, and by how much those of the two machines differ."""
+    first = json.loads(ELSEWHERE.read_text())
+    second = json.loads((ROOT / timing.FOLDER / f"{first['dataset']}.json").read_text())
+    if first["vertices"] != second["vertices"]:
+        raise ValueError(f"{ELSEWHERE} is of other meshes than the times of the board")
+    before = {row["name"]: row for row in first["rows"]}
     rows = []
-    for version, timed in timing.read(ROOT).items():
-        for path in sorted((ROOT / RESULTS / f"{version}-test-grouped").glob("*.json")):
-            result = results.load(path)
-            row, own = timing.row_of(result, timed), result["cost"]
-            if row is None or own.get("reference") is None:
-                continue
-            cost = timing.cost_of(row)
-            # Without copies_ratio, by a clock in the predictor's process
-            if own["hardware"] == cost["hardware"] or "copies_ratio" not in own:
-                continue
-            first, second = own["reference"]["ratio"], cost["reference"]["ratio"]
-            rows.append(
-                {
-                    "dataset": version,
-                    "model": result["model"]["name"],
-                    "first machine": own["hardware"],
-                    "first": round(first, 3),
-                    "second machine": cost["hardware"],
-                    "second": round(second, 3),
-                    "second / first": round(second / first, 3),
-                    "result": sha256(path)[:12],
-                }
-            )
-    quotients = np.array([row["second / first"] for row in rows])
-    spread = np.exp(np.abs(np.log(quotients)))
+    for row in second["rows"]:
+        other = before.get(row["name"])
+        if other is None or other["sources"] != row["sources"]:
+            continue
+        one, two = (of["cost"]["reference"]["ratio"] for of in (other, row))
+        rows.append(
+            {
+                "model": row["name"],
+                "first": round(one, 3),
+                "second": round(two, 3),
+                "second / first": round(two / one, 3),
+            }
+        )
+    spread = np.exp(np.abs(np.log([row["second / first"] for row in rows])))
     return {
+        "dataset": first["dataset"],
+        "first": first["hardware"],
+        "second": second["hardware"],
         "rows": rows,
         "median_factor": round(float(np.median(spread)), 3),
         "largest_factor": round(float(spread.max()), 3),
@@ -53,21 +50,11 @@ def measure() -> dict:
 
 def table(data: dict) -> str:
     """Return the ratios on both machines, and by which factor they differ."""
-    headers = {
-        "model": "model",
-        "dataset": "dataset",
-        "first machine": "first machine",
-        "first": "× LaPy",
-        "second machine": "second machine",
-        "second": "× LaPy",
-        "second / first": "quotient",
-    }
-    cells = [
-        [number(row[key], 2) if isinstance(row[key], float) else row[key] for key in headers]
-        for row in data["rows"]
-    ]
+    headers = ["model", data["first"], data["second"], "quotient"]
+    keys = ("first", "second", "second / first")
+    cells = [[row["model"], *(number(row[key], 2) for key in keys)] for row in data["rows"]]
     sentence = (
         f"The ratios of the two machines differ by a factor of {data['median_factor']} in the "
         f"median, and of {data['largest_factor']} at most."
     )
-    return f"{markdown.table(list(headers.values()), cells, 'lllrlrr')}\n\n{sentence}"
+    return f"{markdown.table(headers, cells, 'lrrr')}\n\n{sentence}"

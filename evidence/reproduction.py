@@ -45,6 +45,7 @@ VERDICTS = {"a": "yes", "b": "no, the reverse", "tie": "not decided"}
 LOSSES, TIMES, SPECTRA = (f"reproduction-{name}.svg" for name in ("losses", "times", "spectra"))
 LEARNS = "-scale-free"  # at the end of a configuration's name: the form that learns
 LONGER = "-long"  # the same, trained for as long as it improves
+TRAINED_LONGER = "; trained longer: "
 EXAMPLES = f"{queue.BEST}{LONGER}"  # the row whose spectra are drawn
 BEST_REPORTED = max(  # PSNR>20 of the paper's best row
     float(row[table["columns"].index("PSNR>20 ↑")].rstrip("%")) / 100
@@ -52,12 +53,17 @@ BEST_REPORTED = max(  # PSNR>20 of the paper's best row
     for row in table["rows"]
 )
 OPENING = """\
-This page asks which of the paper's findings hold when its networks are trained until they have
-converged, and how much of a score under the paper's split is memory of copies. *Not run* marks
-trainings that nobody has completed."""
-FOUND = "Under `grouped`, against the mesh, by the paired interval over test shapes and seeds."
+This page asks which of the paper's findings hold when its networks are trained by one schedule
+until a rule says that they have converged, and how much of a score under the paper's split is
+memory of copies. *Not run* marks trainings that nobody has completed."""
+FOUND = "Under `grouped`, against the mesh, by the paired interval over test shapes{}."
+SEEDS = " and seeds"
 ONE_SEED = """\
+Every row has one seed, so an interval does not show how far another would be."""
+SOME_OF_ONE_SEED = """\
 Rows of one seed are among them: an interval then does not show how far another seed would be."""
+BOTH = """\
+Where a network was also trained longer and the verdict is then another, both are given."""
 TIMES_CAPTION = """\
 Seconds from raw meshes to eigenvalues, for 200 meshes: measured here, networks in orange
 and solvers in blue; reported by the paper in grey."""
@@ -236,25 +242,46 @@ def runs() -> str:
 
 def findings() -> str:
     """Return which of the paper's findings our runs bear out, by paired intervals."""
-    rows, fewest = [], 2  # seeds
+    rows, seeds, both = [], set(), False
     for finding in FINDINGS:
-        configs = [f"{config}{LEARNS}" for config in (finding.better, finding.worse)]
-        a, b = (read(config, "grouped") for config in configs)
+        names = finding.better, finding.worse
+        a, b = (read(f"{name}{LEARNS}", "grouped") for name in names)
         if a is None or b is None:
             rows.append([finding.text, finding.reported, *[NOT_RUN] * 4])
             continue
-        fewest = min(fewest, len(a.predictions), len(b.predictions))
-        rpd, share = (ranking.difference(a, b, key) for key in ("rpd", "psnr20"))
-        shares = f"{mean(a, 'psnr20')} against {mean(b, 'psnr20')}"
-        means = f"{rpd.a:.3f} against {rpd.b:.3f}"
-        cells = [shares, VERDICTS[share.verdict], means, VERDICTS[rpd.verdict]]
-        if not all(record(config, "grouped")["converged"] for config in configs):
-            cells[1::2] = ["not converged"] * 2
+        seeds |= {len(a.predictions), len(b.predictions)}
+        rpd = ranking.difference(a, b, "rpd")
+        cells = [f"{mean(a, 'psnr20')} against {mean(b, 'psnr20')}", verdict(*names, "psnr20")]
+        cells += [f"{rpd.a:.3f} against {rpd.b:.3f}", verdict(*names, "rpd")]
+        both = both or any(TRAINED_LONGER in cell for cell in cells)
         rows.append([finding.text, finding.reported, *cells])
-    said = FOUND if fewest > 1 else f"{FOUND} {ONE_SEED}"
+    said = [FOUND.format(SEEDS if max(seeds, default=1) > 1 else "")]
+    if min(seeds, default=2) == 1:
+        said.append(ONE_SEED if max(seeds) == 1 else SOME_OF_ONE_SEED)
+    said += [BOTH] if both else []
     headers = ["the paper says", "its PSNR>20"]
     headers += ["our PSNR>20", "holds here?", "our RPD", "holds here?"]
-    return f"{said}\n\n{markdown.table(headers, rows, 'llr')}"
+    return f"{' '.join(said)}\n\n{markdown.table(headers, rows, 'llr')}"
+
+
+def verdict(better: str, worse: str, key: str) -> str:
+    """Return whether a finding on two rows holds by a metric, and if it does when trained longer.
+
+    The latter only where one of them was trained longer and that makes a difference.
+    """
+    found = []
+    for longer in (False, True):
+        configs = [
+            f"{name}{LONGER}" if longer and f"{name}{LONGER}" in CONFIGS else f"{name}{LEARNS}"
+            for name in (better, worse)
+        ]
+        a, b = (read(config, "grouped") for config in configs)
+        if a is None or b is None:
+            continue
+        converged = all(record(config, "grouped")["converged"] for config in configs)
+        difference = ranking.difference(a, b, key).verdict
+        found.append(VERDICTS[difference] if converged else "not converged")
+    return TRAINED_LONGER.join(dict.fromkeys(found))
 
 
 def look_ups() -> str:

@@ -150,7 +150,14 @@ def _counts(rows: Sequence[Ranked]) -> str:
     return (
         f"{facts['shapes']:,} shapes, {facts['instances']:,} instances. {share} of the shapes have "
         f"a training shape whose spectrum, scale removed, is within {100 * NEAR:.0f} %{what}."
+        f"{_timed(rows)}"
     )
+
+
+def _timed(rows: Sequence[Ranked]) -> str:
+    """Return where all rows were timed, after a space; empty if they were on several machines."""
+    settings = {results.setting(row.submission.result) for row in rows}
+    return f" Timed on {escaped(settings.pop())}." if len(settings) == 1 else ""
 
 
 def _verified(rows: Iterable[Submission], which: str = "") -> str:

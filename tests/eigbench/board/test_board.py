@@ -18,6 +18,7 @@ from eigbench.board.tables import family_title
 from eigbench.errors import EigbenchError, PredictionsError, ResultError
 from eigbench.results import submission
 from eigbench.results.sources import outdated
+from eigbench.running.machine import hardware
 from eigbench.scaling import results as scaling_results
 from eigbench.scoring import targets
 from eigbench.scoring.metrics import METRICS
@@ -479,7 +480,8 @@ def test_first_rows_stand_between_the_marks_of_the_readme(eigbench, board):
     assert lines[2] == (
         "synthNet 1.0-mini, test split, protocol grouped, against the surface, 4 rows. 34 shapes, "
         "306 instances. 53 % of the shapes have a training shape whose spectrum, scale removed, is "
-        "within 1 %: a test of interpolation."
+        "within 1 %: a test of interpolation. "
+        f"Timed on {hardware()}; cpu, 1 thread."
     )
     assert lines[-2:] == ["<!-- end leaderboard -->", "end"]
     assert [line.split(" | ")[0:2] for line in lines if re.match(r"\| \d", line)] == [
