@@ -88,6 +88,52 @@ def test_findings_are_judged_by_paired_intervals(
 
 
 @pytest.fixture
+def rows_with(make_row, mini_truth, monkeypatch):
+    """Return a function that puts rows in the place of those read: factors of the labels."""
+
+    def put(factors):
+        made = {of: make_row(of[0], mini_truth.eigenvalues * f) for of, f in factors.items()}
+        monkeypatch.setattr(
+            reproduction, "read", lambda config, protocol: made.get((config, protocol))
+        )
+        monkeypatch.setattr(reproduction, "record", lambda config, protocol: {"converged": True})
+
+    return put
+
+
+@pytest.mark.parametrize(
+    ("longer", "verdict"),
+    [
+        (None, "no, the reverse"),
+        (3.0, "no, the reverse"),
+        (1.01, "no, the reverse; trained longer: not decided"),
+        (1.001, "no, the reverse; trained longer: yes"),
+    ],
+)
+def test_a_verdict_that_a_longer_training_changes_says_so(rows_with, longer, verdict):
+    factors = {("table2-alg-virtual-scale-free", "grouped"): 4.0}
+    factors["table2-alg-scale-free", "grouped"] = 1.01
+    if longer:
+        factors["table2-alg-virtual-long", "grouped"] = longer
+    rows_with(factors)
+    (row,) = rows_of(reproduction.findings(), "With all encodings a virtual node helps")
+    assert row[-1] == verdict
+    assert (reproduction.BOTH in reproduction.findings()) == ("longer" in verdict)
+    assert reproduction.ONE_SEED in reproduction.findings()
+
+
+def test_networks_under_both_protocols_stand_beside_each_other(rows_with):
+    rows_with({("table1-rpd-scale-free", "grouped"): 1.01})
+    assert reproduction.both_protocols() == ""
+    factors = {"grouped": 1.01, "paper": 4.0}
+    rows_with({("table1-rpd-scale-free", protocol): f for protocol, f in factors.items()})
+    (row,) = rows_of(reproduction.both_protocols(), "table1-rpd-scale-free")
+    assert row[1:3] == ["100.00%", "0.00%"]
+    assert float(row[3]) == pytest.approx(10 * 0.01 / 2.01, abs=1e-4)
+    assert float(row[4]) == pytest.approx(10 * 3 / 5, abs=1e-4)
+
+
+@pytest.fixture
 def short(directory, mini_home, monkeypatch):
     """The options of a queue of one short training on 1.0-mini."""
     monkeypatch.setenv("SYNTHNET_HOME", str(mini_home))
