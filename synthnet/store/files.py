@@ -105,8 +105,8 @@ def write_bytes(path: Path, content: bytes) -> None:
 def _cannot_write(path: Path, error: OSError) -> BuildError:
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return BuildError(
-            f"no space left for {path}: free some and run the same command again; "
-            "what is finished is kept"
+            f"no space left for {path}: free some and run the same command again, with --resume if "
+            "there is that; what is finished is kept"
         )
     if error.errno == errno.ENOENT and not path.parent.is_dir():
         return BuildError(

@@ -33,6 +33,7 @@ from eigbench.scoring import bootstrap, scores, targets
 from eigbench.scoring.bootstrap import FEWEST
 from eigbench.scoring.metrics import METRICS
 
+FEW = "few shapes"  # makes no verdict, which is not a tie
 RANKED_BY = "rpd"  # bounded, free of scale, and no share that saturates
 
 
@@ -150,12 +151,13 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
     )
     floor = targets.floor(truth, key)
     means = float(x.mean()), float(y.mean())
+    drawn = bootstrap.resamples(truth)
     if not np.isfinite(means).all():
         sign = 1 if METRICS[key].higher_is_better else -1
         good_a, good_b = (-np.inf if np.isnan(mean) else sign * mean for mean in means)
-        verdict, why = ("tie", "not finite") if good_a == good_b else ("ab"[good_a < good_b], "")
+        why = FEW if drawn.shapes < FEWEST else "not finite" if good_a == good_b else ""
+        verdict = "tie" if why else "ab"[good_a < good_b]
         return Difference(*means, np.nan, np.nan, floor, verdict, why)
-    drawn = bootstrap.resamples(truth)
     low, high = bootstrap.interval(drawn.means(x, a.slug) - drawn.means(y, b.slug))
     why = ""
     if not np.isfinite((low, high)).all():
@@ -163,7 +165,7 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
     if x.shape == y.shape and np.array_equal(x, y):
         why, low, high = "equal", 0.0, 0.0
     elif drawn.shapes < FEWEST:
-        why = "few shapes"
+        why = FEW
     elif low <= 0 <= high:
         why = "interval"
     elif max(low, -high) <= 2 * (floor or 0):  # each of the two may be off by the floor

@@ -15,6 +15,7 @@ from synthnet.families import FAMILIES
 
 SPEED = "speed against LaPy"
 ROUNDING = 1e-12  # of a mean: a deviation below it is that of equal numbers
+MANY = 1e10  # a number is not written out from here
 LEAST = 1e-5  # relative: a smaller deviation from a law is not shown in digits
 
 
@@ -35,18 +36,20 @@ class Table:
 def number(value: float | None, decimals: int = 4) -> str:
     """Return a number with fixed decimals.
 
-    One that would be all zeros is given by its power of ten; ``∞/NaN`` stands for one that
-    was not finite.
+    One that would be all zeros, or of more than ten digits, is given by its power of ten;
+    ``∞/NaN`` stands for one that was not finite.
 
     Examples
     --------
-    >>> number(0.04567), number(3.1e-11), number(0.0), number(None)
-    ('0.0457', '3e-11', '0.0000', '∞/NaN')
+    >>> number(0.04567), number(3.1e-11), number(0.0), number(1.65e15), number(None)
+    ('0.0457', '3e-11', '0.0000', '1.65e+15', '∞/NaN')
     """
     if value is None:
         return "∞/NaN"
     if 0 < abs(value) < 0.5 * 10**-decimals:
         return f"{value:.0e}"
+    if MANY <= abs(value) < math.inf:
+        return f"{value:.2e}"
     return f"{value:.{decimals}f}"
 
 
@@ -123,6 +126,8 @@ def with_uncertainty(cell: dict[str, float | None], key: str) -> str:
     '100 % (≥ 99.70 %)'
     >>> with_uncertainty({"mean": 0.999, "low": 0.99, "high": 1.0, "seed_std": None}, "psnr20")
     '99.90 % (≥ 99.00 %)'
+    >>> with_uncertainty({"mean": 0.2, "low": 0.0, "high": 1.0, "seed_std": None}, "psnr20")
+    '20.00 % (0 % to 100 %)'
     >>> with_uncertainty({"mean": 0.0, "low": 0.0, "high": 0.0, "seed_std": None}, "rpd")
     'exact'
     >>> with_uncertainty({"mean": 3e-7, "low": 0.0, "high": 8e-7, "seed_std": None}, "rpd")
@@ -134,7 +139,9 @@ def with_uncertainty(cell: dict[str, float | None], key: str) -> str:
     if text == "exact" or (text.startswith("<") and text == score(high, key)):
         return text  # and so is its uncertainty
     if low is not None and high is not None:
-        if is_share and high == 1:
+        if is_share and (low, high) == (0, 1):
+            text += " (0 % to 100 %)"
+        elif is_share and high == 1:
             text += f" (≥ {score(low, key)})"
         elif is_share and low == 0:
             text += f" (≤ {score(high, key)})"

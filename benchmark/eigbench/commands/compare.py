@@ -24,7 +24,6 @@ from synthnet import recipe
 from synthnet.store.files import make_directory, write_text
 from synthnet.terminal import print_answer, print_json
 
-FEW = "few shapes"  # makes no verdict, which is not a tie
 VERDICTS = {"a": "A is better", "b": "B is better"}
 OF_RESULTS = "the import, sealed set or directory that was predicted"
 TIES = (
@@ -114,7 +113,7 @@ def _line(title: str, difference: Difference, key: str) -> list[str]:
         number(d.a - d.b, decimals),
         f"{number(d.low, decimals)} to {number(d.high, decimals)}",
         "none" if d.floor is None else f"{d.floor:.0e}" if d.floor else "0",
-        VERDICTS.get(d.verdict) or f"{'none' if d.why == FEW else 'tie'} ({d.why})",
+        VERDICTS.get(d.verdict) or f"{'none' if d.why == ranking.FEW else 'tie'} ({d.why})",
     ]
 
 

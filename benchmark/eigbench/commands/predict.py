@@ -17,6 +17,7 @@ from eigbench.commands import arguments, score
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError, PredictorError
 from eigbench.results import predictions
+from eigbench.results.predictions import SEEDS
 from eigbench.running import box, meshes, record
 from eigbench.running.evaluate import Evaluation, Options, alone, evaluate
 from eigbench.running.predictor import check_file
@@ -52,10 +53,19 @@ def add_run(sub: argparse.ArgumentParser) -> None:
     arguments.root(sub)
     arguments.process(sub)
     arguments.count(sub, "--batch-size", "B", "meshes a call", 200)
-    arguments.count(sub, "--seeds", "N", "runs, with seeds 0 to N - 1", 1)
+    text = f"runs, with seeds 0 to N - 1; {SEEDS} at most (default: %(default)s)"
+    sub.add_argument("--seeds", type=seeds, default=1, metavar="N", help=text)
     arguments.time_limit(sub, 3600.0)
     sub.add_argument("--resume", action="store_true", help="go on with an interrupted run")
     add_sandbox(sub)
+
+
+def seeds(text: str) -> int:
+    """Return a number of runs that a file of predictions can hold."""
+    value = arguments.positive(text)
+    if value > SEEDS:
+        raise argparse.ArgumentTypeError(f"there can be {SEEDS} at most, got {value}")
+    return value
 
 
 def add_sandbox(sub: argparse.ArgumentParser) -> None:

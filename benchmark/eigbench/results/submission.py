@@ -174,10 +174,11 @@ def _truth(result: dict[str, Any], dataset: store.StoredDataset | None, path: Pa
             "compare results of one with --dataset, its directory"
         )
     else:
+        name = facts["version"]
         raise ResultError(
-            f"{path} is of the dataset {facts['version']}, whose labels are not pinned here, so "
-            "that no board has it: give the dataset's name or directory with --dataset, and to "
-            "`submit` --dry-run"
+            f"{path} is of the dataset {name}, which is no version of this release, so that no "
+            "board has it: give its name or directory with --dataset, and to `submit` --dry-run; "
+            f"an import is for a board if evaluated with --dataset 2.0 --protocol imported/{name}"
         )
     return labels.head(facts["instances"]) if result["partial"] else labels
 

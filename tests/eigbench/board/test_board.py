@@ -93,7 +93,7 @@ def test_evaluated_result_is_borne_out_by_its_predictions(weyl, mini_truth):
         (lambda r: r["dataset"].update(split_digest="0" * 64), r"its split_digest is 0{16}, that"),
         (lambda r: r["dataset"].update(shapes=35), r"its shapes is 35, that of 1.0-mini here is"),
         (lambda r: r["dataset"].update(shapes=33), r"the families have 34 shapes of 33"),
-        (lambda r: r["dataset"].update(version="9.9"), r"9.9, whose labels are not pinned"),
+        (lambda r: r["dataset"].update(version="9.9"), r"9.9, which is no version of this"),
         (lambda r: r["predictions"].update(sha256="0" * 64), r"is not the file that .* made with"),
         (lambda r: r["predictions"].update(seeds=2), r"has 1 seeds, .* names 2"),
         (
@@ -239,6 +239,18 @@ def test_what_is_not_finite_is_last(make_row, read, mini_truth):
     assert ranking.difference(bad, bad, "rpd").verdict == "tie"
     page = leaderboard.generate([bad, read["far"]], [])[Path(leaderboard.PAGE)]
     assert page.count("| 2 | Bad | trivial | ∞/NaN | ∞/NaN |") == 2  # at both targets
+
+
+def test_a_family_of_few_shapes_has_no_verdict_where_a_mean_is_not_finite(
+    make_row, mini_truth, read
+):
+    counts = {f: len({*mini_truth.groups[mini_truth.families == f]}) for f in mini_truth.families}
+    small, large = min(counts, key=counts.__getitem__), max(counts, key=counts.__getitem__)
+    assert counts[small] < 5 <= counts[large]
+    bad = make_row("Bad", np.full(mini_truth.eigenvalues.shape, np.nan))
+    few = ranking.difference(read["far"], bad, "rpd", small)
+    assert (few.verdict, few.why) == ("tie", "few shapes")
+    assert ranking.difference(read["far"], bad, "rpd", large).verdict == "a"
 
 
 def test_an_infinite_psnr_is_the_best(printed, make_submission, made, mini_truth):
