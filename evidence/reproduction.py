@@ -253,9 +253,9 @@ def findings() -> str:
             rows.append([finding.text, finding.reported, *[NOT_RUN] * 4])
             continue
         seeds |= {len(a.predictions), len(b.predictions)}
-        rpd = ranking.difference(a, b, "rpd")
-        cells = [f"{mean(a, 'psnr20')} against {mean(b, 'psnr20')}", verdict(*names, "psnr20")]
-        cells += [f"{rpd.a:.3f} against {rpd.b:.3f}", verdict(*names, "rpd")]
+        rpd = " against ".join(f"{of.scores['overall']['rpd']['mean']:.3f}" for of in (a, b))
+        shares = f"{mean(a, 'psnr20')} against {mean(b, 'psnr20')}"
+        cells = [shares, verdict(*names, "psnr20"), rpd, verdict(*names, "rpd")]
         both = both or any(TRAINED_LONGER in cell for cell in cells)
         rows.append([finding.text, finding.reported, *cells])
     said = [FOUND.format(SEEDS if max(seeds, default=1) > 1 else "")]
@@ -272,18 +272,21 @@ def verdict(better: str, worse: str, key: str) -> str:
 
     The latter only where one of them was trained longer and that makes a difference.
     """
+    names = better, worse
+    usual = tuple(f"{name}{LEARNS}" for name in names)
+    longer = tuple(
+        f"{name}{LONGER}" if f"{name}{LONGER}" in CONFIGS else config
+        for name, config in zip(names, usual, strict=True)
+    )
     found = []
-    for longer in (False, True):
-        configs = [
-            f"{name}{LONGER}" if longer and f"{name}{LONGER}" in CONFIGS else f"{name}{LEARNS}"
-            for name in (better, worse)
-        ]
+    for configs in dict.fromkeys((usual, longer)):  # mostly nothing was trained longer
         a, b = (read(config, "grouped") for config in configs)
         if a is None or b is None:
             continue
         converged = all(record(config, "grouped")["converged"] for config in configs)
-        difference = ranking.difference(a, b, key).verdict
-        found.append(VERDICTS[difference] if converged else "not converged")
+        found.append(
+            VERDICTS[ranking.difference(a, b, key).verdict] if converged else "not converged"
+        )
     return TRAINED_LONGER.join(dict.fromkeys(found))
 
 

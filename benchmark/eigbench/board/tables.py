@@ -134,25 +134,28 @@ def with_uncertainty(cell: dict[str, float | None], key: str) -> str:
     '< 0.0001'
     """
     mean, low, high = cell["mean"], cell["low"], cell["high"]
-    is_share = METRICS[key].unit == "share"
-    text = f"{mean:.0%}".replace("%", " %") if is_share and mean in (0, 1) else score(mean, key)
+    settled = METRICS[key].unit == "share" and mean in (0, 1)  # of every seed
+    text = ("100 %" if mean else "0 %") if settled else score(mean, key)
     if text == "exact" or (text.startswith("<") and text == score(high, key)):
         return text  # and so is its uncertainty
     if low is not None and high is not None:
-        if is_share and (low, high) == (0, 1):
-            text += " (0 % to 100 %)"
-        elif is_share and high == 1:
-            text += f" (≥ {score(low, key)})"
-        elif is_share and low == 0:
-            text += f" (≤ {score(high, key)})"
-        else:
-            text += f" ± {_spread((high - low) / 2, key)}"
-    if is_share and mean in (0, 1):  # of every seed
-        return text
-    if (deviation := cell["seed_std"]) is not None:
+        text += f" {_uncertainty(low, high, key)}"
+    if not settled and (deviation := cell["seed_std"]) is not None:
         known = 0.0 if deviation <= ROUNDING * abs(mean or 0) else deviation
         text += f" ({_spread(known, key)})"
     return text
+
+
+def _uncertainty(low: float, high: float, key: str) -> str:
+    """Return half an interval; of a share's that reaches 0 or 1 the other end, in brackets."""
+    if METRICS[key].unit == "share":
+        if (low, high) == (0, 1):
+            return "(0 % to 100 %)"
+        if high == 1:
+            return f"(≥ {score(low, key)})"
+        if low == 0:
+            return f"(≤ {score(high, key)})"
+    return f"± {_spread((high - low) / 2, key)}"
 
 
 def family_title(name: str) -> str:

@@ -17,7 +17,6 @@ from eigbench.commands import arguments, score
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError, PredictorError
 from eigbench.results import predictions
-from eigbench.results.predictions import SEEDS
 from eigbench.running import box, meshes, record
 from eigbench.running.evaluate import Evaluation, Options, alone, evaluate
 from eigbench.running.predictor import check_file
@@ -53,7 +52,7 @@ def add_run(sub: argparse.ArgumentParser) -> None:
     arguments.root(sub)
     arguments.process(sub)
     arguments.count(sub, "--batch-size", "B", "meshes a call", 200)
-    text = f"runs, with seeds 0 to N - 1; {SEEDS} at most (default: %(default)s)"
+    text = f"runs, with seeds 0 to N - 1; {predictions.SEEDS} at most (default: %(default)s)"
     sub.add_argument("--seeds", type=seeds, default=1, metavar="N", help=text)
     arguments.time_limit(sub, 3600.0)
     sub.add_argument("--resume", action="store_true", help="go on with an interrupted run")
@@ -63,8 +62,8 @@ def add_run(sub: argparse.ArgumentParser) -> None:
 def seeds(text: str) -> int:
     """Return a number of runs that a file of predictions can hold."""
     value = arguments.positive(text)
-    if value > SEEDS:
-        raise argparse.ArgumentTypeError(f"there can be {SEEDS} at most, got {value}")
+    if value > predictions.SEEDS:
+        raise argparse.ArgumentTypeError(f"there can be {predictions.SEEDS} at most, got {value}")
     return value
 
 
