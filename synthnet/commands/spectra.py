@@ -6,6 +6,7 @@ import io
 import math
 import re
 import sys
+import time
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -31,6 +32,7 @@ from synthnet.terminal import Commands, print_json
 from synthnet.types import Mesh, Spectrum
 
 VALUES = ("eigenvalue", "eigenvalues", "lambda", "λ")  # the name of their column
+LOGGED = 5  # seconds between lines that say where it is, in a log
 SHOWN = 6  # so many eigenvalues fit in a row of the terminal
 NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)", re.IGNORECASE)
 CELL = re.compile(r'"[^"]*"|[^\s,]+')  # no field of csv, which may have 131,072 characters at most
@@ -144,12 +146,30 @@ def run_spectrum(options: argparse.Namespace) -> int:
     operator = _operator(options)
     if options.out is not None:
         make_parent(options.out)
-    answers = []
-    console = Console(stderr=True)
+    answers: list[Answer] = []
+    try:
+        answers.extend(_answers(options, operator))
+    finally:  # Ctrl-C keeps what is finished
+        if answers:
+            _finish(answers, options, operator)
+    return terminal.WRONG_INPUT if any(answer.problem for answer in answers) else 0
+
+
+def _answers(options: argparse.Namespace, operator: Operator) -> Iterator[Answer]:
+    """Yield the spectrum of each file, and show how far it is."""
+    console, said = Console(stderr=True), time.monotonic()
     with Reader() as reader, console.status("") as status:
         for number, file in enumerate(options.files, start=1):
-            status.update(f"{_printable(file.name)} ({number} of {len(options.files)})")
-            answers.append(_answer(reader, file, options.k, operator, mended=options.repair))
+            here = f"{_printable(file.name)} ({number} of {len(options.files)})"
+            status.update(here)
+            if not console.is_terminal and time.monotonic() - said > LOGGED:
+                print(here, file=sys.stderr, flush=True)
+                said = time.monotonic()
+            yield _answer(reader, file, options.k, operator, mended=options.repair)
+
+
+def _finish(answers: list[Answer], options: argparse.Namespace, operator: Operator) -> None:
+    """Write the answers where that is wanted, and print their table."""
     written = ""
     try:
         if options.out is not None:
@@ -157,7 +177,6 @@ def run_spectrum(options: argparse.Namespace) -> int:
             written = f"\n\nwritten to {options.out}"
     finally:  # the work is shown, though the disk may be full
         _print(answers, options, operator, written)
-    return terminal.WRONG_INPUT if any(answer.problem for answer in answers) else 0
 
 
 def _print(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from synthnet import store
 from synthnet.errors import StoreError, needed_by
-from synthnet.store import limits, unpacked
+from synthnet.store import files, limits, storage, unpacked
 from synthnet.types import SPLITS
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def load_dataset(
     RecipeError
         If the version is unknown.
     BuildError
-        If the version is not there and cannot be built.
+        If the version is not there and cannot be built, or its directory cannot be written to.
     StoreError
         If there is no shape in the split.
     """
@@ -59,10 +59,12 @@ def load_dataset(
         split in store.read_table(p, ["split"])["split"].to_pylist() for p in stored.paths()
     ):
         raise StoreError(f"{version} has no shape in the split {split}: choose another")
+    cache = storage.local(stored.directory, version) / unpacked.HUGGING_FACE
+    files.make_directory(cache, files.LOADED)
     rows = datasets.Dataset.from_parquet(
         [str(path) for path in stored.paths()],
         split=datasets.NamedSplit(split),
-        cache_dir=str(stored.directory / unpacked.HUGGING_FACE),
+        cache_dir=str(cache),
         filters=[("split", "==", split)],
     )
     add_missing(stored)

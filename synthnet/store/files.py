@@ -24,6 +24,9 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+LOADED = "$SYNTHNET_HOME or root="  # what chooses the directory of a dataset that is loaded
+
+
 def make_directory(path: Path, choose: str = "--out or $SYNTHNET_HOME") -> None:
     """Create a directory that can be written, or raise BuildError: ``choose`` another with that."""
     _make(path, f"choose another directory with {choose}")
@@ -129,12 +132,12 @@ def make_in_place(
         If the disk is full or cannot be written; nothing is left behind.
     """
     partial = directory.with_name(f".{directory.name}.partial")
-    make_directory(directory.parent)
+    make_directory(directory.parent, LOADED)
     with locked(directory.with_name(f".{directory.name}.lock"), wait=True):
         if is_whole():
             return
         shutil.rmtree(partial, ignore_errors=True)  # of a process that was killed
-        make_directory(partial)
+        make_directory(partial, LOADED)
         try:
             fill(partial)
             shutil.rmtree(directory, ignore_errors=True)

@@ -200,7 +200,7 @@ def csv_table(
     """
     header = _header(file.readline(LINE + 1))
     if lacking := [name for name in (text, *numbers) if name not in header]:
-        raise OutsideError(f"it has no column {lacking[0]}")
+        raise OutsideError(f"it has no column {lacking[0]}{_other_separator(header)}")
     records, line = csv.reader(_lines(file, rows)), 2
     try:
         for record in records:
@@ -227,6 +227,20 @@ def _header(line: bytes) -> list[str]:
     if twice := [name for name in names if names.count(name) > 1]:
         raise OutsideError(f"the column {twice[0]!a} is there twice")
     return names
+
+
+def _other_separator(header: Sequence[str]) -> str:
+    """Return what to do about a header that something else than commas separates.
+
+    Examples
+    --------
+    >>> _other_separator(["id;lambda_1;lambda_2"]), _other_separator(["name"]), _other_separator([])
+    (': separate columns by commas, not by semicolons', '', ': the first line is empty')
+    """
+    for mark, name in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and mark in header[0]:
+            return f": separate columns by commas, not by {name}"
+    return "" if header else ": the first line is empty"
 
 
 def _lines(file: BinaryIO, most: int) -> Iterator[str]:

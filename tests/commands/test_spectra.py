@@ -12,6 +12,7 @@ import trimesh
 from evidence.operators import square
 from evidence.thin_meshes import thin
 from synthnet.commands.spectra import read_answer
+from synthnet.mesh.reading import Reader
 from synthnet.spectrum import Operator, compute
 from tests.conftest import only_line
 
@@ -336,3 +337,33 @@ def test_a_solve_that_memory_does_not_hold_loses_no_other_file(run, files, monke
     assert code == 2
     assert table.count("no spectrum") == 2
     assert err.count("out of memory: ") == 2
+
+
+def interrupting(method, name):
+    """Return a method of reading that is interrupted, as by Ctrl-C, at a file's name."""
+
+    def read(reader, file):
+        if file.name == name:
+            raise KeyboardInterrupt
+        return method(reader, file)
+
+    return read
+
+
+@pytest.mark.parametrize(("stopped", "kept"), [("b.stl", 1), ("a.ply", 0)])
+def test_an_interrupt_loses_no_finished_spectrum(stopped, kept, run, files, tmp_path, monkeypatch):
+    monkeypatch.setattr(Reader, "read", interrupting(Reader.read, stopped))
+    out = tmp_path / "spectra.csv"
+    code, table, err = run("spectrum", *files[:2], "--out", out)
+    assert code == 130
+    assert err == "synthnet: interrupted\n"
+    assert table.count("a.ply") == kept
+    assert out.exists() == bool(kept)
+    if kept:
+        assert [row["file"] for row in csv.DictReader(out.read_text().splitlines())] == [str(files[0])]
+
+
+def test_a_log_says_which_file_it_is_at(run, files, monkeypatch):
+    monkeypatch.setattr("synthnet.commands.spectra.LOGGED", 0)
+    _, _, err = run("spectrum", *files[:2])
+    assert err.splitlines() == ["a.ply (1 of 2)", "b.stl (2 of 2)"]

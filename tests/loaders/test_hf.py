@@ -10,6 +10,7 @@ import pytest
 
 import synthnet
 from synthnet import recipe, store
+from synthnet.errors import BuildError
 from synthnet.recipe.plan import plan_shards
 from synthnet.store import limits
 from synthnet.types import SPLITS
@@ -97,3 +98,13 @@ def test_unknown_split_is_refused(mini_home):
     message = "split must be one of train, validation, test, got 'dev'"
     with pytest.raises(ValueError, match=message):
         synthnet.load_dataset(VERSION, split="dev", root=mini_home)
+
+
+def test_a_directory_that_cannot_be_written_is_one_line_with_what_to_do(home):
+    cache = store.open_dataset(VERSION, home).directory / "datasets-cache"
+    shutil.rmtree(cache, ignore_errors=True)
+    cache.touch()
+    line = rf"cannot write to {cache} \(.*\): choose another .* with \$SYNTHNET_HOME or root=$"
+    with pytest.raises(BuildError, match=line):
+        synthnet.load_dataset(VERSION, root=home)
+    cache.unlink()

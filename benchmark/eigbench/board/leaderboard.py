@@ -141,20 +141,25 @@ def _check_protocols(rows: Sequence[Submission]) -> None:
         (row.truth.version, row.slug): row for row in rows if row.truth.protocol == "grouped"
     }
     for row in rows:
-        if row.truth.protocol in PROTOCOLS:
-            continue
         base = grouped.get((row.truth.version, row.slug))
-        if base is None:
-            raise ResultError(
-                f"{row.result_path}: {row.name} has a result under {row.truth.protocol} and none "
-                f"under grouped of {row.truth.version} to compare it with: submit that too"
-            )
-        model = row.result["model"]
-        if not untrained(model) and not _of_same_code(model, base.result["model"]):
-            raise ResultError(
-                f"{row.result_path} and {base.result_path} are of other code, or other weights: "
-                "the drop between them would say nothing; evaluate both anew"
-            )
+        _check_protocol(row, *((base.result, base.result_path) if base else (None, None)))
+
+
+def _check_protocol(row: Submission, base: dict[str, Any] | None, path: Path | None) -> None:
+    """Check a row against the same model's result under ``grouped``, and say where that is."""
+    if row.truth.protocol in PROTOCOLS:
+        return
+    if base is None:
+        raise ResultError(
+            f"{row.result_path}: {row.name} has a result under {row.truth.protocol} and none "
+            f"under grouped of {row.truth.version} to compare it with: submit that first"
+        )
+    model = row.result["model"]
+    if not untrained(model) and not _of_same_code(model, base["model"]):
+        raise ResultError(
+            f"{row.result_path} and {path} are of other code, or other weights: "
+            "the drop between them would say nothing; evaluate both anew, grouped first"
+        )
 
 
 def check_fit(row: Submission) -> None:
@@ -362,11 +367,12 @@ def add(row: Submission, root: Path, *, replace: bool = False) -> tuple[Path, Pa
     ------
     ResultError
         If it does not fit, see :func:`check_fit`, or was not timed beside LaPy and its times are
-        to be shown: those of a version's own protocols are not.
+        to be shown: those of a version's own protocols are not, but the same model must be on the
+        board ``grouped`` before it.
     EigbenchError
         If another of that name is there and ``replace`` is not given.
     """
-    _check_new(row)
+    _check_new(row, root)
     paths = (
         root / RESULTS / row.board / f"{row.slug}.json",
         root / PREDICTIONS / row.board / f"{row.slug}.parquet",
@@ -387,15 +393,17 @@ def placed(
     ResultError
         If it does not fit, as :func:`add`.
     """
-    _check_new(row)
+    _check_new(row, root)
     others = [other for other in _rows(root, row.board, on_row) if other.slug != row.slug]
     by_target = (_at([*others, row], target) for target in TARGETS)
     return [ranking.ranked(rows) for rows in by_target if rows]
 
 
-def _check_new(row: Submission) -> None:
+def _check_new(row: Submission, root: Path) -> None:
     """Check that a submission may be added, and was timed beside LaPy if its times are shown."""
     check_fit(row)
+    base = root / RESULTS / f"{row.truth.version}-test-grouped" / f"{row.slug}.json"
+    _check_protocol(row, results.read(base) if base.is_file() else None, base)
     if row.truth.protocol in PROTOCOLS and row.result["cost"].get("reference") is None:
         raise ResultError(
             f"{row.result_path} was not timed beside LaPy: evaluate without --no-reference"

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Self
 
+from rich import filesize
 from rich.console import Console
 
 from eigbench.board import export, leaderboard
@@ -142,7 +143,7 @@ def write_tables(options: argparse.Namespace) -> int:
         for path in export.write(options.out, boards, options.format):
             status.update(f"wrote {path}")
             written.append(path)
-    lines = [f"{path}  {path.stat().st_size / 1e6:.1f} MB" for path in written]
+    lines = [f"{path}  {filesize.decimal(path.stat().st_size)}" for path in written]
     lines.append(f"columns: {', '.join(export.COLUMNS)}")
     print_answer(options, {"files": list(map(str, written))}, "\n".join(lines))
     return 0
@@ -186,7 +187,7 @@ def site(options: argparse.Namespace) -> int:
         write.write(options.out, content)
     size, count = sum(map(len, content.values())), len(content)
     facts = {"out": str(options.out), "files": count, "bytes": size, "rows": len(rows)}
-    text = f"rows: {len(rows)}; {count} files, {size / 1e6:.1f} MB: open "
+    text = f"rows: {len(rows)}; {count} files, {filesize.decimal(size)}: open "
     print_answer(options, facts, f"{text}{options.out / 'index.html'}")
     return 0
 

@@ -222,7 +222,10 @@ def _beside(path: Path) -> Path:
     for candidate in (beside, on_board):
         if candidate.is_file():
             return candidate
-    raise ResultError(f"{path}: there are no predictions at {beside}: put them there")
+    raise ResultError(
+        f"{path}: there are no predictions at {beside}: put them there, or name their file with "
+        "--predictions where the command has that"
+    )
 
 
 def _check_same(stored: Any, computed: Any, key: str, path: Path) -> None:

@@ -179,6 +179,16 @@ def no_rows(path, ids, values):
     pq.write_table(pa.table(columns), path)
 
 
+def with_mark(mark):
+    """Return what writes a CSV with another mark between its columns."""
+
+    def write(path, ids, values):
+        save(path, ids, values)
+        path.write_text(path.read_text().replace(",", mark))
+
+    return write
+
+
 # How a file is written, and what is said of it; {3} is the fourth id.
 DAMAGED = [
     ("p.parquet", patched(lambda raw: raw[:-40]), "cannot be read"),
@@ -192,6 +202,10 @@ DAMAGED = [
     ("p.npz", lambda path, ids, v: save(path, ids, v + 1j), "have dtype complex128, they must be"),
     ("p.parquet", other_columns, "cannot be read"),
     ("p.csv", other_columns, "cannot be read"),
+    ("p.csv", with_mark(";"), "has no column id: separate columns by commas, not by semicolons"),
+    ("p.csv", with_mark("\t"), "has no column id: separate columns by commas, not by tabs"),
+    ("p.csv", with_mark("|"), "has no column id$"),
+    ("p.csv", lambda path, ids, v: path.touch(), "has no column id: the first line is empty"),
     ("p.parquet", no_rows, "has no predictions"),
     ("p.parquet", cells(lambda v: [*v[:3], [1.0] * 5, *v[4:]]), "{3} has 5 eigenvalues, there are"),
     ("p.parquet", cells(lambda v: [*v[:3], None, *v[4:]]), "{3} has 0 eigenvalues, there are 10"),
