@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import threadpoolctl
 
+from evidence import solvers
 from evidence.timing import in_turn
 from synthnet import spectrum
 from synthnet.build.versions import ensure_built
@@ -152,8 +153,6 @@ def from_raw_meshes(model: GCN, meshes: list[Mesh], threads: int) -> list[dict]:
 
     The network and our solver share meshes out among threads; LaPy has its libraries' own.
     """
-    import lapy
-
     from baselines.gcn import data, folded
 
     encode = data.encoder(model.config)
@@ -166,8 +165,7 @@ def from_raw_meshes(model: GCN, meshes: list[Mesh], threads: int) -> list[dict]:
     def by_lapy(count: int) -> None:
         with threadpoolctl.threadpool_limits(count):
             for mesh in meshes:
-                triangles = lapy.TriaMesh(mesh.vertices.astype(np.float64), mesh.faces)
-                lapy.Solver(triangles).eigs(11)
+                solvers.lapy(mesh, 10)
 
     def by_solver(count: int) -> None:
         with threadpoolctl.threadpool_limits(1):

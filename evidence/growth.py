@@ -13,12 +13,13 @@ import time
 from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 import threadpoolctl
 
-from evidence import DOCS, markdown
+from evidence import DOCS, markdown, solvers
 from evidence.concepts import as_svg, figure_on_nothing
 from evidence.timing import in_new_process, peak_mb, progress
 from synthnet import spectrum
@@ -65,13 +66,7 @@ def torus(step: float) -> Mesh:
 
 def solve(side: str, step: float) -> dict:
     """Solve in this process, and return what it took."""
-    import lapy
-
-    def eigenvalues(mesh: Mesh) -> np.ndarray:
-        if side == "lapy":
-            return lapy.Solver(lapy.TriaMesh(mesh.vertices, mesh.faces)).eigs(11)[0][1:]
-        return spectrum.compute(mesh).eigenvalues
-
+    eigenvalues = partial(solvers.lapy if side == "lapy" else solvers.ours, k=10)
     mesh = torus(step)
     with threadpoolctl.threadpool_limits(1):
         eigenvalues(torus(1.0))

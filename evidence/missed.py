@@ -19,7 +19,7 @@ import numpy as np
 import threadpoolctl
 
 from evidence import markdown
-from evidence.peers import lapy, lapy_cholmod, ours
+from evidence.solvers import lapy, lapy_cholmod, ours
 from evidence.timing import progress
 from synthnet import recipe, spectrum
 from synthnet.families import FAMILIES

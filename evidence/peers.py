@@ -14,7 +14,7 @@ from concurrent.futures.process import BrokenProcessPool
 import numpy as np
 import threadpoolctl
 
-from evidence import markdown
+from evidence import markdown, solvers
 from evidence.growth import drawn, label_axes, torus
 from evidence.timing import in_new_process, peak_mb, progress
 from synthnet import spectrum
@@ -30,77 +30,14 @@ FEW = 50  # pairs; LOBPCG is asked for no more
 COLOURS = BLUE, VERMILION, ORANGE, GREEN, SKY, PURPLE, GREY  # of the plot, in the order of PEERS
 
 
-def ours(mesh: Mesh, k: int) -> np.ndarray:
-    """Return what this project's solver finds."""
-    return spectrum.compute(mesh, k).eigenvalues
-
-
-def lapy(mesh: Mesh, k: int) -> np.ndarray:
-    """Return what LaPy finds as it comes, by SuperLU."""
-    from lapy import Solver, TriaMesh
-
-    return Solver(TriaMesh(mesh.vertices, mesh.faces)).eigs(k + 1, rng=0)[0][1:]
-
-
-def lapy_cholmod(mesh: Mesh, k: int) -> np.ndarray:
-    """Return what LaPy finds at its fastest."""
-    import cholespy  # noqa: F401 - LaPy imports it in its first solve
-    from lapy import Solver, TriaMesh
-
-    return Solver(TriaMesh(mesh.vertices, mesh.faces), use_cholmod=True).eigs(k + 1, rng=0)[0][1:]
-
-
-def robust(mesh: Mesh, k: int) -> np.ndarray:
-    """Return what SciPy finds of robust_laplacian's matrices, as its README shows."""
-    import robust_laplacian
-    from scipy.sparse.linalg import eigsh
-
-    stiffness, mass = robust_laplacian.mesh_laplacian(mesh.vertices, mesh.faces)
-    return np.sort(eigsh(stiffness, k + 1, mass, sigma=-1e-8)[0])[1:]
-
-
-def lobpcg(mesh: Mesh, k: int) -> np.ndarray:
-    """Return what SciPy's LOBPCG finds, preconditioned by pyamg's smoothed aggregation."""
-    import pyamg
-    from scipy.sparse.linalg import lobpcg as iterate
-
-    stiffness, mass = spectrum.fem_matrices(mesh)
-    shifted = (stiffness + mass / mass.sum()).tocsr()
-    start = np.random.default_rng(0).standard_normal((len(mesh.vertices), k + k // 4 + 4))
-    start[:, 0] = 1
-    solver = pyamg.smoothed_aggregation_solver(shifted, max_coarse=50)
-    values = iterate(
-        shifted, start, mass, solver.aspreconditioner(), tol=1e-6, maxiter=200, largest=False
-    )[0]
-    return np.sort(values)[1 : k + 1] - 1 / mass.sum()
-
-
-def pardiso(mesh: Mesh, k: int) -> np.ndarray:
-    """Return what SciPy finds with MKL's PARDISO, the bar of the hardware, by pypardiso."""
-    import pypardiso
-    from scipy.sparse import csr_matrix, triu
-    from scipy.sparse.linalg import LinearOperator, eigsh
-
-    stiffness, mass = spectrum.fem_matrices(mesh)
-    upper = triu(csr_matrix(stiffness + 0.01 * mass), format="csr")
-    solver = pypardiso.PyPardisoSolver(mtype=2)  # symmetric, positive definite
-    with threadpoolctl.threadpool_limits(1):  # MKL is loaded only now
-        solver.factorize(upper)
-        inverse = LinearOperator(mass.shape, lambda b: solver.solve(upper, b), dtype=np.float64)
-        start = np.random.default_rng(0).uniform(-1, 1, mass.shape[0])
-        values = eigsh(stiffness, k + 1, mass, sigma=-0.01, OPinv=inverse, v0=start)[0]
-    solver.free_memory(everything=True)
-    return np.sort(values)[1:]
-
-
 # Its name, the call, the operator that it solves, and up to how many pairs it is asked for.
 PEERS: dict[str, tuple[Callable[[Mesh, int], np.ndarray], dict[str, str], float]] = {
-    "synthNet, certified": (ours, {}, math.inf),
-    "LaPy": (lapy, {}, math.inf),
-    "LaPy with CHOLMOD": (lapy_cholmod, {}, math.inf),
-    "robust_laplacian and SciPy": (robust, {"elements": "tufted"}, math.inf),
-    "MKL PARDISO and SciPy": (pardiso, {}, math.inf),
-    "pyamg and LOBPCG": (lobpcg, {}, FEW),
+    "synthNet, certified": (solvers.ours, {}, math.inf),
+    "LaPy": (solvers.lapy, {}, math.inf),
+    "LaPy with CHOLMOD": (solvers.lapy_cholmod, {}, math.inf),
+    "robust_laplacian and SciPy": (solvers.robust, {"elements": "tufted"}, math.inf),
+    "MKL PARDISO and SciPy": (solvers.pardiso, {}, math.inf),
+    "pyamg and LOBPCG": (solvers.lobpcg, {}, FEW),
 }
 FASTEST = ("synthNet, certified", "LaPy with CHOLMOD")
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import statistics
 from collections import defaultdict
+from functools import partial
 
 import numpy as np
 import threadpoolctl
 
-from evidence import markdown
+from evidence import markdown, solvers
 from evidence.timing import in_turn, progress
 from synthnet import recipe, spectrum
 from synthnet.families import FAMILIES
@@ -78,13 +79,7 @@ def compared(name: str, shapes: list[PlannedShape], repeats: int) -> list[dict]:
 
 def beside_lapy(mesh: Mesh, repeats: int) -> tuple[float, float, float]:
     """Return the median seconds of both sides, and the largest relative difference."""
-    import lapy
-
-    exact = mesh.vertices.astype(np.float64)
-    sides = {
-        "ours": lambda: spectrum.compute(mesh).eigenvalues,
-        "LaPy": lambda: lapy.Solver(lapy.TriaMesh(exact, mesh.faces)).eigs(11)[0][1:],
-    }
+    sides = {"ours": partial(solvers.ours, mesh, 10), "LaPy": partial(solvers.lapy, mesh, 10)}
     ours, theirs = in_turn(sides, repeats).values()
     return ours.seconds, theirs.seconds, float(np.abs(ours.answer / theirs.answer - 1).max())
 

@@ -52,6 +52,8 @@ def parse_name(name: str) -> Name:
     >>> [parse_name(name).kind.value for name in ("1.0-mini", "scans")]
     ['version', 'import']
     """
+    if not isinstance(name, str):  # as version=1.0
+        raise TypeError(f"a version is named by a string such as '1.0', got {name!r}")
     if scaled := SCALED.fullmatch(name):
         return Name(Kind.SCALED, scaled["version"], int(scaled["scale"]))
     if sealed := SEALED.fullmatch(name):

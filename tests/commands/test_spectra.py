@@ -360,7 +360,9 @@ def test_an_interrupt_loses_no_finished_spectrum(stopped, kept, run, files, tmp_
     assert table.count("a.ply") == kept
     assert out.exists() == bool(kept)
     if kept:
-        assert [row["file"] for row in csv.DictReader(out.read_text().splitlines())] == [str(files[0])]
+        assert [row["file"] for row in csv.DictReader(out.read_text().splitlines())] == [
+            str(files[0])
+        ]
 
 
 def test_a_log_says_which_file_it_is_at(run, files, monkeypatch):

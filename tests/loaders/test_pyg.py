@@ -642,3 +642,8 @@ def test_transformed_items_are_numbers(tmp_path, kind):
     (tmp_path / "index.json").write_text(json.dumps(index))
     with pytest.raises(DamagedError, match="x is of "):
         TransformedItems(tmp_path)
+
+
+def test_a_version_that_is_a_number_is_named():
+    with pytest.raises(TypeError, match=r"a version is named by a string such as '1\.0', got 1\.0"):
+        SynthNet(version=1.0)
