@@ -373,12 +373,17 @@ def add(row: Submission, root: Path, *, replace: bool = False) -> tuple[Path, Pa
         If another of that name is there and ``replace`` is not given.
     """
     _check_new(row, root)
-    paths = (
+    paths = paths_of(row, root)
+    results.put((row.result_path, row.predictions_path), paths, root, replace=replace)
+    return paths
+
+
+def paths_of(row: Submission, root: Path) -> tuple[Path, Path]:
+    """Return where a row's result and its predictions are on a board, or would be."""
+    return (
         root / RESULTS / row.board / f"{row.slug}.json",
         root / PREDICTIONS / row.board / f"{row.slug}.parquet",
     )
-    results.put((row.result_path, row.predictions_path), paths, root, replace=replace)
-    return paths
 
 
 def placed(

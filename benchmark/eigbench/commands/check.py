@@ -12,6 +12,7 @@ from rich.console import Console
 from eigbench.board import tables
 from eigbench.commands import arguments, predict
 from eigbench.commands.arguments import Command
+from eigbench.results import predictions
 from eigbench.running.evaluate import Options, predict_meshes
 from eigbench.scoring import physics
 from synthnet.terminal import print_answer
@@ -52,12 +53,11 @@ def check(options: argparse.Namespace) -> int:
         *_differences("one mesh at a time", ids, answers[:base], singly),
         *_differences("shuffled order", [ids[i] for i in order], answers[order], shuffled),
     ]
-    finite = np.isfinite(answers)
-    what, good = ("positive", answers > 0) if finite.all() else ("finite", finite)
-    if not good.all():
-        bad = [ids[i] for i in np.flatnonzero(~good.all(axis=1))[:3]]
-        findings.append(f"answers that are not {what}, first for {', '.join(bad)}")
-    if finite.all() and contract["ascending"] != 1:
+    what, bad = predictions.impossible(answers)
+    if bad.any():
+        first = [ids[i] for i in np.flatnonzero(bad.any(axis=1))[:3]]
+        findings.append(f"answers that are {what}, first for {', '.join(first)}")
+    if np.isfinite(answers).all() and contract["ascending"] != 1:
         findings.append("answers that do not ascend: sort each spectrum")
     verdict = "it can be evaluated" if not findings else "look at the findings above"
     lines = [

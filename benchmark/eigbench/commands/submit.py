@@ -93,9 +93,12 @@ def _try(row: Submission, root: Path, options: argparse.Namespace) -> int:
     """Show where a result would stand, beside each target."""
     with Console(stderr=True).status("scoring") as status:
         boards = leaderboard.placed(row, root, lambda other: status.update(f"scoring {other}"))
+    there = leaderboard.paths_of(row, root)[0]
+    taken = str(there) if there.is_file() else None
     if options.json:
         targets = {rows[0].submission.target: _place(rows, row) for rows in boards}
-        print(json.dumps({"model": row.name, "board": row.board, "targets": targets}, indent=1))
+        facts = {"model": row.name, "board": row.board, "replaces": taken, "targets": targets}
+        print(json.dumps(facts, indent=1))
         return 0
     for rows in boards:
         at = _index(rows, row)
@@ -107,6 +110,8 @@ def _try(row: Submission, root: Path, options: argparse.Namespace) -> int:
         print(f"{page.title(rows)}: {row.name} would {stand}\n")
         print(f"{page.top_table(near)}\n")
     print("a rank is an interval: the true one is in it with a chance of 95 %; nothing was written")
+    if taken and not options.replace:
+        print(f"{taken} has that name: `eigbench submit` needs --replace")
     return 0
 
 

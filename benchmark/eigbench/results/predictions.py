@@ -119,23 +119,36 @@ def read(path: Path, truth: Truth, below: Path | None = None) -> NDArray[np.floa
 def unphysical(truth: Truth, answers: NDArray[np.float64]) -> str:
     """Return one line about values that no eigenvalue has, empty if there are none.
 
-    These are values that are not finite, not positive, or not from :data:`LEAST` to :data:`MOST`.
-
     They are scored as they are, never left out of a mean; but a board does not take them.
     """
-    for what, bad in (
-        ("not finite", ~np.isfinite(answers)),
-        ("not positive", ~(answers > 0)),
-        (f"not from {LEAST:g} to {MOST:g}", extreme(answers)),
-    ):
-        rows = np.flatnonzero(bad.any(axis=(0, 2)))
-        if len(rows):
-            first = ", ".join(truth.ids[i] for i in rows[:3])
-            return (
-                f"the predictions of {len(rows)} of {len(truth.ids)} instances are {what}, first "
-                f"ids: {first}; they are scored as they are, but a board does not take them"
-            )
-    return ""
+    what, bad = impossible(answers)
+    rows = np.flatnonzero(bad.any(axis=(0, 2)))
+    if not len(rows):
+        return ""
+    first = ", ".join(truth.ids[i] for i in rows[:3])
+    return (
+        f"the predictions of {len(rows)} of {len(truth.ids)} instances are {what}, first "
+        f"ids: {first}; they are scored as they are, but a board does not take them"
+    )
+
+
+def impossible(answers: NDArray[np.float64]) -> tuple[str, NDArray[np.bool_]]:
+    """Return what values that no eigenvalue has are, and which: the first kind there is.
+
+    These are values that are not finite, not positive, or not from :data:`LEAST` to :data:`MOST`.
+
+    Examples
+    --------
+    >>> impossible(np.array([1.0, -1.0, np.inf]))
+    ('not finite', array([False, False,  True]))
+    >>> impossible(np.array([1.0, 1e41]))
+    ('not from 1e-30 to 1e+30', array([False,  True]))
+    """
+    if not (finite := np.isfinite(answers)).all():
+        return "not finite", ~finite
+    if not (positive := answers > 0).all():
+        return "not positive", ~positive
+    return f"not from {LEAST:g} to {MOST:g}", extreme(answers)
 
 
 def unordered(answers: NDArray[np.float64]) -> str:

@@ -621,6 +621,7 @@ def test_a_dry_run_says_where_a_result_would_stand_and_writes_nothing(
     assert "protocol grouped, against the mesh: Between would have rank 3 of 5\n" in out
     assert "protocol grouped, against the surface: Between would have rank " in out
     assert "| 3 | Between |" in out
+    assert "--replace" not in out
     assert contents(board) == before
 
 
@@ -629,7 +630,13 @@ def test_a_dry_run_leaves_out_an_earlier_result_of_the_model(
 ):
     better = make_submission("Far", 1.1 * mini_truth.eigenvalues)
     _, out, _ = eigbench("submit", better, "--dry-run", "--board", board, "--json")
+    there = board / RESULTS / "far.json"
     assert json.loads(out)["targets"]["mesh"]["rows"] == 4
+    assert json.loads(out)["replaces"] == str(there)
+    taken = f"{there} has that name: `eigbench submit` needs --replace"
+    command = ("submit", better, "--dry-run", "--board", board)
+    assert eigbench(*command)[1].splitlines()[-1] == taken
+    assert taken not in eigbench(*command, "--replace")[1]
 
 
 def test_a_dry_run_refuses_what_submit_refuses(refused, made, tmp_path):

@@ -265,6 +265,7 @@ def test_check_finds_a_predictor_that_depends_on_its_batch(eigbench, predictor_f
     [
         ("np.full((len(meshes), 10), np.inf)", "answers that are not finite, first for "),
         ("-weyl(meshes)", "answers that are not positive, first for "),
+        ("1e41 * weyl(meshes)", "answers that are not from 1e-30 to 1e+30, first for "),
         ("weyl(meshes)[:, ::-1]", "not ascend"),
     ],
 )
