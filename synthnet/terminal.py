@@ -164,6 +164,17 @@ def run(program: str, options: argparse.Namespace, *expected: type[Exception]) -
     return code if problem is None else report(program, options, problem)
 
 
+def above_zero(text: str) -> float:
+    """Return a number of the command line that is above zero."""
+    value = float(text)
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"must be above 0, got {value:g}")
+    return value
+
+
+above_zero.__name__ = "float"  # argparse's name for what is no number at all
+
+
 def _open_streams() -> None:
     """Let what is printed go nowhere where a stream is closed, and no character keep it back."""
     for name in ("stdout", "stderr"):

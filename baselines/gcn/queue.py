@@ -28,7 +28,6 @@ from typing import Any
 
 import filelock
 from eigbench import results
-from eigbench.commands.arguments import above_zero
 from eigbench.errors import EigbenchError
 from tabulate import tabulate
 
@@ -36,6 +35,7 @@ from synthnet.errors import SynthNetError
 from synthnet.processes import EXIT_CODE, notice_interrupts
 from synthnet.store.datasets import home
 from synthnet.store.files import make_directory, write_bytes
+from synthnet.terminal import above_zero
 
 from . import weights
 from .configs import CONFIGS, LONG, PAPER, SCALE_FREE

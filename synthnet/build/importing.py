@@ -172,7 +172,8 @@ def check_name(name: str) -> None:
     """Raise MeshImportError unless a dataset may have this name: versions begin with a digit."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9._-]*", name):
         raise MeshImportError(
-            f"--name must be a letter, then letters, digits, '.', '_' or '-', got {name!r}"
+            "--name must begin with a letter, and have letters, digits, '.', '_' or '-', "
+            f"got {name!r}"
         )
 
 

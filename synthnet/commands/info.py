@@ -74,7 +74,9 @@ def _outcome(dataset: store.StoredDataset, name: str) -> dict[str, str | int]:
     if dataset.kind is not Kind.IMPORTED:
         if kind_of(Path(name).name) is not None:
             raise StoreError(dataset.no_file(name))
-        raise StoreError(f"{dataset.manifest.version} is no import: `synthnet show {name}`")
+        dataset.find(name)  # or say that there is none
+        version = dataset.manifest.version
+        raise StoreError(f"{version} is no import: `synthnet show {name} --dataset {version}`")
     id = dataset.id_of(name)
     for row in file_outcomes(dataset):
         if row["id"] == id:
@@ -97,7 +99,7 @@ def _count_limits(dataset: store.StoredDataset) -> dict[str, int]:
 def _say_limits(counts: dict[str, int], kind: Kind) -> str:
     labels, failing = counts["labels"], counts["failing"]
     if not labels:
-        return "none (meshes alone)" if kind is Kind.IMPORTED else "none (--limits)"
+        return "none: an import has no surfaces" if kind is Kind.IMPORTED else "none (--limits)"
     return (
         f"of {labels:,} labels; {failing:,} of them ({failing / labels:.1%}) have a PSNR of "
         "20 dB or less against their limit"

@@ -9,7 +9,7 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,12 +23,13 @@ from synthnet.errors import SpectrumError, SynthNetError, missing
 from synthnet.mesh.formats import SUFFIXES, UnreadableError, kind_of
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.mesh.reading import Reader
-from synthnet.mesh.repair import Refused, Repaired, welded
+from synthnet.mesh.repair import Refused, Repaired, welded, without_loose_vertices
 from synthnet.spectrum import Operator, certify, compute, discretise, repaired
+from synthnet.spectrum.fem import REMEDY
 from synthnet.spectrum.operators import BOUNDARIES, MASSES, SHARES
 from synthnet.spectrum.sheets import JOINED, PARTED
 from synthnet.store.files import make_parent, write_text
-from synthnet.terminal import Commands, print_json
+from synthnet.terminal import Commands, above_zero, print_json
 from synthnet.types import Mesh, Spectrum
 
 VALUES = ("eigenvalue", "eigenvalues", "lambda", "λ")  # the name of their column
@@ -100,7 +101,7 @@ def add(commands: Commands) -> None:
     )
     sub.add_argument(
         "--tolerance",
-        type=float,
+        type=above_zero,
         default=1e-6,
         metavar="T",
         help="relative distance within which an eigenvalue is right (default: %(default)g)",
@@ -238,32 +239,38 @@ def run_certify(options: argparse.Namespace) -> int:
 
 
 def _of_components(file: Path, count: int) -> str:
-    return (
-        f"synthnet: {_printable(file)} has {count:,} components, each with a zero of its own where "
-        "nothing is held: zeros are left out"
-    )
+    name = _printable(file)
+    return f"synthnet: {name} has {count:,} components, whose zero eigenvalues are left out"
 
 
 def _mesh(reader: Reader, file: Path, operator: Operator, *, mended: bool) -> Repaired:
     """Read a mesh, and repair it if that is wanted.
 
-    Tufted elements take a mesh that is no manifold, so of theirs only an STL file's corners are
-    merged: no two of its triangles share one.
+    Tufted elements take a mesh that is no manifold, so of theirs only vertices without a triangle
+    are left out, and an STL file's corners merged: no two of its triangles share one.
     """
     try:
         directory, other = file.is_dir(), file.exists() and not file.is_file()
     except OSError as error:  # a name that is too long, a folder that may not be entered
         raise UnreadableError(f"cannot be opened ({error.strerror})") from error
+    if not file.exists():
+        raise UnreadableError(missing(file))
     if directory:
         raise UnreadableError("a directory: name files, or `synthnet import` it")
     if other:
         raise UnreadableError("a pipe or a device: save it to a file")
-    mesh = reader.read(file)
-    if not mended:
-        return Repaired(mesh)
+    read = reader.triangles(file)
+    mesh = Mesh(read.vertices, read.faces)
+    state = _mended(mesh, file, operator) if mended else Repaired(mesh)
+    clipped = {"clipped polygons": read.clipped} if read.clipped else {}
+    return replace(state, repairs=clipped | state.repairs)
+
+
+def _mended(mesh: Mesh, file: Path, operator: Operator) -> Repaired:
+    """Repair what was read of a file as its operator needs it."""
     if operator.elements == "tufted":
         soup = (kind_of(file.name) or "").startswith(".stl")
-        return welded(mesh) if soup else Repaired(mesh)
+        return welded(mesh) if soup else without_loose_vertices(Repaired(mesh))
     try:
         return repaired(mesh)
     except Refused as error:
@@ -273,14 +280,14 @@ def _mesh(reader: Reader, file: Path, operator: Operator, *, mended: bool) -> Re
         raise Refused(error.reason, detail) from error
 
 
-def _would_mend(mesh: Mesh, operator: Operator) -> bool:
+def _would_mend(mesh: Mesh, file: Path, operator: Operator) -> bool:
     """Return whether a mesh has no such operator as it stands, and has it when it is repaired."""
     with warnings.catch_warnings(action="ignore"):
         try:
             discretise(mesh, operator)
         except ValueError:
             try:
-                discretise(repaired(mesh).mesh, operator)
+                discretise(_mended(mesh, file, operator).mesh, operator)
             except (ValueError, Refused):
                 return False
             return True
@@ -312,9 +319,9 @@ def _solved(reader: Reader, file: Path, k: int, operator: Operator, *, mended: b
                 state.mesh, k, operator=operator, sharp=operator.elements == "linear"
             )
     except ValueError as error:
-        helps = not mended and operator.elements != "tufted" and _would_mend(state.mesh, operator)
+        helps = not mended and _would_mend(state.mesh, file, operator)
         hint = "; without --no-repair what can be mended is" if helps else ""
-        return Answer(file, problem=f"{error}{hint}")
+        return Answer(file, problem=f"{_by_command(str(error))}{hint}")
     vertices = len(state.mesh.vertices)
     return Answer(file, spectrum, vertices, state.repairs, warnings=_by_options(warned))
 
@@ -328,6 +335,14 @@ def _by_options(warned: list[warnings.WarningMessage]) -> tuple[str, ...]:
         .replace('compute with Operator(elements="tufted")', "--elements tufted")
         for warning in warned
     )
+
+
+def _by_command(message: str) -> str:
+    """Return what is wrong with a mesh, with the remedy of the command in place of Python's."""
+    message = message.replace(f": {REMEDY}", "")
+    if bound := re.match(r"k must be between 1 and (\d+) for ", message):
+        message += f": give -k {bound[1]} at most"
+    return message
 
 
 def _printable(path: Path | str) -> str:
@@ -511,7 +526,8 @@ def _numbers(rows: list[tuple[int, list[str]]], path: Path) -> Iterator[float]:
     for number, cells in rows:
         for word in " ".join(cell.strip('"') for cell in cells).split():
             if not NUMBER.fullmatch(word):
-                raise AnswerError(f"{path}, row {number}: {word[:40]!r} is no number")
+                hint = ": separate numbers by commas or spaces" if ";" in word else ""
+                raise AnswerError(f"{path}, row {number}: {word[:40]!r} is no number{hint}")
             if not math.isfinite(value := float(word)):
                 raise AnswerError(f"{path}, row {number}: {word[:40]} is not finite")
             yield value

@@ -138,6 +138,8 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         self.version, self.split, self.protocol, self.augment = version, split, protocol, augment
         self.target = target
         self._stored = ensure_built(version, root)
+        if not any(shard.rows for shard in self._stored.manifest.shards):
+            raise StoreError(f"{version} has no shape: `synthnet info {version}` says why")
         self._limits = surface_spectra(self._stored) if target == "surface" else None
         super().__init__(str(store.home(root)), transform, pre_transform, pre_filter)
         self._open()

@@ -77,6 +77,13 @@ FREESURFER_VALUES = re.compile(
 # The first bytes of its files (FreeSurfer, include/mrisurf.h): of old quads and of values the same
 TRIANGLES, QUADS, OLD_QUADS = b"\xff\xff\xfe", b"\xff\xff\xfd", b"\xff\xff\xff"
 LFS_POINTER = b"version https://git-lfs.github.com/spec/"  # git-lfs, docs/spec.md
+BEGINNINGS = (  # of files whose name may say something else: how, of which suffix, what to say
+    (re.compile(rb"ply\s"), ".ply", "a PLY file: name it .ply"),
+    (re.compile(rb"(?:ST|C|N|4|n)*OFF\s"), ".off", "an OFF file: name it .off"),
+    (re.compile(rb"solid\s"), ".stl", "an STL file: name it .stl"),
+    (re.compile(rb"glTF"), "", "a file of glTF: convert it to PLY"),
+    (re.compile(rb"(?i)\s*<(?:!doctype )?html"), "", "a web page: get the file itself"),
+)
 TEXTS = (".obj", ".off", ".ply", ".stl")  # XML may be UTF-16
 UTF_16 = re.compile(rb"(?s)\xff\xfe.\0|\xfe\xff\0")  # its mark, then a letter of ASCII
 VALUES_ALONE = "values at vertices, and no triangles: give the surface, such as lh.white"
@@ -161,10 +168,29 @@ def read(content: bytes, suffix: str) -> Triangles:
         raise UnreadableError("a pointer of Git LFS in the place of the file: run `git lfs pull`")
     if suffix in TEXTS and UTF_16.match(content):
         raise UnreadableError("text in UTF-16: save it as UTF-8")
-    triangles = READERS[suffix](content)
+    try:
+        triangles = READERS[suffix](content)
+    except UnreadableError as error:
+        if (other := _of_another_format(content, suffix)) is not None:
+            raise UnreadableError(other) from error
+        raise
     if not len(triangles.faces):
         raise _without_faces(len(triangles.vertices))
     return triangles
+
+
+def _of_another_format(content: bytes, suffix: str) -> str | None:
+    r"""Return what a file is by how it begins, where its name says something else.
+
+    Examples
+    --------
+    >>> _of_another_format(b"ply\nformat", ".stl"), _of_another_format(b"OFF 3", ".off")
+    ('by how it begins it is a PLY file: name it .ply', None)
+    """
+    for begins, own, what in BEGINNINGS:
+        if own != suffix and begins.match(content):
+            return f"by how it begins it is {what}"
+    return None
 
 
 def kind_of(name: str) -> str | None:
@@ -195,7 +221,7 @@ def no_mesh(name: str) -> str:
     """
     if FREESURFER_VALUES.fullmatch(name):
         return f"{name} has {VALUES_ALONE}"
-    return f"{name} is none of {', '.join(SUFFIXES)}"
+    return f"{name} is none of {', '.join(SUFFIXES)}: convert it to PLY"
 
 
 def _without_faces(count: int) -> UnreadableError:

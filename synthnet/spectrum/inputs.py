@@ -144,7 +144,15 @@ def _arrays(given: Any) -> tuple[NDArray[Any], NDArray[Any]]:
         hint = "; its .to_mesh() is one"
     elif getattr(given, "pos", None) is not None:  # a graph of PyTorch Geometric
         hint = "; it has no face: FaceToEdge(remove_faces=False) keeps the faces"
-    raise ValueError(f"this is {type(given).__name__}, no mesh: give {TAKEN}{hint}")
+    elif hasattr(given, "to_legacy"):  # a tensor mesh of Open3D
+        hint = "; its .to_legacy() is one"
+    elif hasattr(given, "cells_dict"):  # of meshio
+        hint = '; of meshio: (given.points, given.cells_dict["triangle"])'
+    elif hasattr(given, "points") or hasattr(given, "vertices"):
+        hint = "; it has no triangles"
+    kind = type(given)
+    name = kind.__name__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__name__}"
+    raise ValueError(f"this is {name}, no mesh: give {TAKEN}{hint}")
 
 
 def as_array(values: Any) -> NDArray[Any]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future
+from contextlib import contextmanager
 from functools import partial
-from itertools import islice
+from itertools import count, islice
 from typing import Any
 
 from synthnet.processes import worker_pool
@@ -43,7 +44,7 @@ def spectra(
     Raises
     ------
     ValueError, Refused, SpectrumError, CertificateError
-        At the first mesh that has no spectrum.
+        At the first mesh that has no spectrum; a note of the error says which it is.
 
     Examples
     --------
@@ -57,16 +58,32 @@ def spectra(
         raise ValueError(f"workers must be at least 1, got {workers}")
     solve = partial(compute, k=k, operator=operator, repair=repair)
     if workers == 1:
-        yield from map(solve, meshes)
+        for number, mesh in enumerate(meshes):
+            with _numbered(number):
+                found = solve(mesh)
+            yield found
         return
     compile_solver()  # once, before all of them would
     with worker_pool(workers) as pool:
         futures = _submitted(pool, solve, meshes)
         waiting = deque(islice(futures, 2 * workers))
-        while waiting:
-            found = waiting.popleft().result()
+        for number in count():
+            if not waiting:
+                return
+            with _numbered(number):
+                found = waiting.popleft().result()
             waiting.extend(islice(futures, 1))
             yield found
+
+
+@contextmanager
+def _numbered(number: int) -> Iterator[None]:
+    """Add to an error of this block which mesh it is of."""
+    try:
+        yield
+    except Exception as error:
+        error.add_note(f"of mesh {number}, counted from 0")
+        raise
 
 
 def _submitted(

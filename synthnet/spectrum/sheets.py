@@ -17,6 +17,8 @@ from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.types import Mesh
 
 JOINED = "compute(…, repair=True).mesh has equal corners joined"  # the ends of warnings
+COARSE = 0.01  # of an edge: rounding to less moves eigenvalues by a few ten-thousandths
+FEW = 1000  # faces
 PARTED = "compute(…, repair=True).mesh has them parted"
 
 
@@ -41,9 +43,10 @@ def warn_of_sheets(mesh: Mesh, stacklevel: int) -> None:
         )
     if many:
         warnings.warn(
-            f"{many} edges have more than two faces: eigenfunctions are those of all sheets joined "
-            "there, which is no surface; `synthnet import` cuts where sheets are clearly pairs, "
-            'compute with Operator(elements="tufted") takes the mesh as it is',
+            f"{counted(many, 'edge has', 'edges have')} more than two faces: eigenfunctions are "
+            "those of all sheets joined there, which is no surface; `synthnet import` cuts where "
+            'sheets are clearly pairs, compute with Operator(elements="tufted") takes the mesh as '
+            "it is",
             stacklevel=stacklevel,
         )
     elif pinched:
@@ -53,6 +56,36 @@ def warn_of_sheets(mesh: Mesh, stacklevel: int) -> None:
             f"surface; {PARTED}",
             stacklevel=stacklevel,
         )
+    step, edge = rounded_to(vertices), typical_edge(vertices, faces)
+    if step > COARSE * edge:
+        warnings.warn(
+            f"coordinates are of single precision, {step:.1g} apart so far from the origin, and "
+            f"edges only {edge:.1g} long: the surface is a rounded one; save it in double "
+            "precision, or move it to the origin before it is saved",
+            stacklevel=stacklevel,
+        )
+
+
+def rounded_to(vertices: Floats) -> float:
+    """Return how far apart numbers of single precision are at a mesh; 0 if it has others too.
+
+    Examples
+    --------
+    >>> corners = np.array([[1e6, 0.0, 0.0], [1e6 + 0.5, 0.0, 0.0], [1e6, 1.0, 0.0]])
+    >>> rounded_to(corners), rounded_to(corners + 1e-3)
+    (0.0625, 0.0)
+    """
+    with np.errstate(over="ignore"):
+        if not len(vertices) or not (vertices.astype(np.float32) == vertices).all():
+            return 0.0
+    return float(np.spacing(np.float32(np.abs(vertices).max())))
+
+
+def typical_edge(vertices: Floats, faces: Int32s) -> float:
+    """Return the median length of edges, of some thousand faces at most."""
+    some = faces[:: len(faces) // FEW + 1]
+    ends = vertices[some[:, [0, 1, 2]]] - vertices[some[:, [1, 2, 0]]]
+    return float(np.median(np.linalg.norm(ends, axis=2)))
 
 
 @kernel

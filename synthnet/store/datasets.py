@@ -218,7 +218,8 @@ def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> St
         out = "" if root is None else f" --out {root}"
         raise StoreError(f"no finished dataset in {directory}: run `synthnet build {version}{out}`")
     if manifest.version != version:
-        raise StoreError(f"{directory} holds {manifest.version}, not {version}")
+        hint = f": its name alone is {manifest.version}" if os.sep in version else ""
+        raise StoreError(f"{directory} holds {manifest.version}, not {version}{hint}")
     dataset = StoredDataset(directory, manifest)
     if not _may_have_name(dataset.kind, recipe.parse_name(version)):
         raise StoreError(

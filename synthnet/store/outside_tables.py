@@ -165,7 +165,8 @@ def _npy(archive: zipfile.ZipFile, name: str, size: int) -> NDArray[np.generic]:
         else:
             raise OutsideError(f"{name} has NPY version {version}: save it with NumPy")
         if dtype.hasobject or dtype.kind not in "fiucUS":
-            raise OutsideError(f"{name} has dtype {dtype}: arrays are of numbers or text")
+            hint = ", as .astype(str) makes" if dtype.hasobject else ""
+            raise OutsideError(f"{name} has dtype {dtype}: arrays are of numbers or text{hint}")
         needed = math.prod(shape) * dtype.itemsize
         if len(shape) > 2 or min(shape, default=0) < 0 or needed > size:
             raise OutsideError(f"{name} has shape {shape} and dtype {dtype}, more than it can have")
@@ -200,7 +201,7 @@ def csv_table(
     """
     header = _header(file.readline(LINE + 1))
     if lacking := [name for name in (text, *numbers) if name not in header]:
-        raise OutsideError(f"it has no column {lacking[0]}{_other_separator(header)}")
+        raise OutsideError(f"it has no column {lacking[0]}{_instead(header)}")
     records, line = csv.reader(_lines(file, rows)), 2
     try:
         for record in records:
@@ -229,18 +230,21 @@ def _header(line: bytes) -> list[str]:
     return names
 
 
-def _other_separator(header: Sequence[str]) -> str:
-    """Return what to do about a header that something else than commas separates.
+def _instead(header: Sequence[str]) -> str:
+    """Return what a header is that lacks a column, and what to do if no commas separate it.
 
     Examples
     --------
-    >>> _other_separator(["id;lambda_1;lambda_2"]), _other_separator(["name"]), _other_separator([])
-    (': separate columns by commas, not by semicolons', '', ': the first line is empty')
+    >>> _instead(["id;lambda_1;lambda_2"]), _instead(["ID", "l1", "l2", "l3"]), _instead([])
+    (': separate columns by commas, not by semicolons', ': it has ID, l1, l2, …', ': it is empty')
     """
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
         if len(header) == 1 and mark in header[0]:
             return f": separate columns by commas, not by {name}"
-    return "" if header else ": the first line is empty"
+    if not header:
+        return ": it is empty"
+    names = [ascii(name[:40])[1:-1] for name in header[:3]]
+    return f": it has {', '.join([*names, *['…'] * (len(header) > 3)])}"
 
 
 def _lines(file: BinaryIO, most: int) -> Iterator[str]:

@@ -403,6 +403,20 @@ def test_a_file_that_no_version_has_is_said(words, run, mini_home):
     )
 
 
+def test_a_shape_of_a_version_is_shown_by_another_command(run, mini_home):
+    line = only_line(*run("info", "1.0-mini", "--shape", "cone-00003", "--out", mini_home))
+    remedy = "`synthnet show cone-00003 --dataset 1.0-mini`"
+    assert line == f"synthnet: 1.0-mini is no import: {remedy}"
+    line = only_line(*run("info", "1.0-mini", "--shape", "cone-99999", "--out", mini_home))
+    assert "no shape 'cone-99999'" in line
+
+
+def test_a_path_in_place_of_a_name_is_said(run, mini_home):
+    path = mini_home / "1.0-mini"
+    line = only_line(*run("info", path, "--out", mini_home))
+    assert line.endswith(f"holds 1.0-mini, not {path}: its name alone is 1.0-mini")
+
+
 def test_a_largest_component_of_less_than_half_is_said(folder, run_import):
     three = [SPHERE.copy().apply_translation([4.0 * i, 0, 0]) for i in range(3)]
     trimesh.util.concatenate(three).export(folder / "three.ply")
@@ -462,7 +476,7 @@ def test_far_coordinates_keep_their_shape(scans, imported):
 
 @pytest.mark.parametrize("name", ["1.0", "../up", ""])
 def test_name_that_will_not_do_is_refused(name, folder, imported, root):
-    with pytest.raises(MeshImportError, match="--name must be a letter"):
+    with pytest.raises(MeshImportError, match="--name must begin with a letter"):
         imported(folder, name=name)
     assert not root.exists()
 
@@ -780,12 +794,14 @@ def test_verify_tells_of_an_import_what_makes_it_anew(folder, imported, run, roo
     assert "run the `synthnet import` of mine again" in out
 
 
-def test_folder_without_one_good_file_exits_with_2(scans, run_import):
+def test_folder_without_one_good_file_exits_with_2(scans, run_import, root):
     (scans / "a.obj").write_text("f 1 2 3\n")
     code, out, err = run_import(scans)
     assert code == 2
     assert "unreadable" in out
     assert "synthnet: no file became a shape" in err
+    with pytest.raises(StoreError, match=r"mine has no shape: `synthnet info mine` says why$"):
+        SynthNet(root, "mine", split="test")
 
 
 @pytest.mark.slow

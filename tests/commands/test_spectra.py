@@ -158,6 +158,7 @@ def test_an_answer_is_read_whole(text, values, tmp_path):
         ("", "holds no numbers"),
         ("names, only\n", "holds no numbers"),
         ("1.0\nabc\n", "row 2: 'abc' is no number"),
+        ("2,01;2,01\n", "'01;2' is no number: separate numbers by commas or spaces"),
         ("eigenvalue\n\n1.0\nabc\n", "row 4: 'abc' is no number"),
         ("1.0, inf", "row 1: inf is not finite"),
         ("Infinity\n1.0\n", "row 1: Infinity is not finite"),
@@ -195,7 +196,8 @@ FIN = "v 0 0 1\nf 2 3 5\n"  # a third triangle at the edge of the two
         (FLAT + "f 1 2 2\n", [], True),
         (FLAT + FIN + "v 9 9 9\n", [], False),  # no surface, whatever is mended
         (FLAT, ["-k", 4], False),
-        (FLAT + "v 9 9 9\n", ["--elements", "tufted"], False),  # which nothing mends
+        (FLAT + FIN + "v 9 9 9\n", ["--elements", "tufted"], True),
+        (FLAT, ["--elements", "tufted", "-k", 4], False),
     ],
 )
 def test_repair_is_named_where_it_would_help_alone(text, options, helps, run, tmp_path):
@@ -227,7 +229,9 @@ def test_all_eigenvalues_of_a_mesh_are_had_and_judged(options, run, files, tmp_p
     assert run("certify", files[0], answer, *options)[0] == 0
     code, _, err = run("spectrum", files[0], "-k", n, *options)
     assert code == 2
-    assert err.endswith(f"k must be between 1 and {n - 1} for {n} vertices, got {n}\n")
+    assert err.endswith(
+        f"k must be between 1 and {n - 1} for {n} vertices, got {n}: give -k {n - 1} at most\n"
+    )
 
 
 def test_quadratic_elements_have_more_eigenvalues_than_vertices(run, tmp_path):
@@ -291,6 +295,7 @@ def test_a_k_that_no_file_has_costs_nothing(run, files, tmp_path):
     out, k = tmp_path / "spectra.csv", 10**15  # so many names fit in no memory
     code, table, err = run("spectrum", files[0], "-k", k, "--out", out)
     assert (code, err.count("k must be between 1 and")) == (2, 1)
+    assert err.endswith(": give -k 161 at most\n")
     assert f"λ{k}" in table
     assert out.read_text() == "file,vertices,components,elements,mass,boundary\n"
 
@@ -299,7 +304,10 @@ def test_a_missing_mesh_is_one_line(run, files, tmp_path):
     answer = tmp_path / "answer.csv"
     answer.write_text("1.0\n")
     line = only_line(*run("certify", files[0].with_name("none.ply"), answer))
-    assert "none.ply: cannot be opened" in line
+    assert f"there is no file {files[0].with_name('none.ply')}" in line
+    code, _, err = run("spectrum", files[0].with_name("a.pyl"))  # whatever its name says
+    assert (code, err.count("there is no file")) == (2, 1)
+    assert err.endswith("did you mean a.ply?\n")
 
 
 def test_a_name_that_is_not_utf8_loses_no_file(run, files, tmp_path):
@@ -352,7 +360,7 @@ def interrupting(method, name):
 
 @pytest.mark.parametrize(("stopped", "kept"), [("b.stl", 1), ("a.ply", 0)])
 def test_an_interrupt_loses_no_finished_spectrum(stopped, kept, run, files, tmp_path, monkeypatch):
-    monkeypatch.setattr(Reader, "read", interrupting(Reader.read, stopped))
+    monkeypatch.setattr(Reader, "triangles", interrupting(Reader.triangles, stopped))
     out = tmp_path / "spectra.csv"
     code, table, err = run("spectrum", *files[:2], "--out", out)
     assert code == 130
@@ -369,3 +377,27 @@ def test_a_log_says_which_file_it_is_at(run, files, monkeypatch):
     monkeypatch.setattr("synthnet.commands.spectra.LOGGED", 0)
     _, _, err = run("spectrum", *files[:2])
     assert err.splitlines() == ["a.ply (1 of 2)", "b.stl (2 of 2)"]
+
+
+def test_polygons_that_were_cut_by_ears_are_a_repair_as_in_an_import(run, tmp_path):
+    arrow = tmp_path / "arrow.obj"
+    arrow.write_text("v 0 0 0\nv 1 0 0\nv .3 .3 0\nv 0 1 0\nf 2 3 4 1\n")
+    for options in ([], ["--no-repair"], ["--elements", "tufted"]):
+        _, out, _ = run("spectrum", arrow, "-k", 2, "--json", *options)
+        assert json.loads(out)[0]["repairs"] == {"clipped polygons": 1}
+
+
+def test_vertices_of_no_triangle_are_left_out_of_tufted_elements(run, printed, tmp_path):
+    flat, loose = tmp_path / "flat.obj", tmp_path / "loose.obj"
+    flat.write_text(FLAT + FIN)
+    loose.write_text(FLAT + FIN + "v 9 9 9\n")
+    how = ["-k", 3, "--elements", "tufted", "--json"]
+    one, other = json.loads(printed("spectrum", flat, loose, *how))
+    assert one["eigenvalues"] == other["eigenvalues"]
+    assert (one["repairs"], other["repairs"]) == ({}, {"loose vertices": 1})
+
+
+@pytest.mark.parametrize("tolerance", ["-1", "0", "nan"])
+def test_a_tolerance_that_is_none_is_not_said_of_the_mesh(tolerance, run, files, tmp_path):
+    line = only_line(*run("certify", files[0], tmp_path / "none.csv", "--tolerance", tolerance))
+    assert f"argument --tolerance: must be above 0, got {tolerance}" in line

@@ -425,6 +425,15 @@ def test_binary_stl_may_begin_with_solid():
         (".stl", bytes(80) + (7).to_bytes(4, "little") + bytes(120), "cut off: 2 of 7 faces"),
         (".stl", bytes(84 + 3), "3 bytes more than its 0 faces take"),
         (".stl", bytes(84), "an empty mesh"),
+        (
+            ".stl",
+            binary_ply(LIST, bytes([3] + 7 * [0]) * 2),
+            "by how it begins it is a PLY file: name it .ply",
+        ),
+        (".ply", f"solid\n{FACET}endsolid", "by how it begins it is an STL file: name it .stl"),
+        (".ply", "OFF\n3 1 0\n", "by how it begins it is an OFF file: name it .off"),
+        (".off", "<!DOCTYPE html>\n<p>", "by how it begins it is a web page: get the file itself"),
+        (".obj", "glTF\2\0\0\0", "by how it begins it is a file of glTF: convert it to PLY"),
         (".stl", 20 * "no mesh ", "line 1: it begins with 'no', not with solid, and is no whole"),
         (".stl", 2 * FACET, "line 1: it begins with 'facet', not with solid"),
         (".stl", f"solid\n{FACET}facet\nvertex 1 2 3\n", "cut off: 1 of 2 faces have their"),
@@ -555,7 +564,8 @@ def test_gifti_of_other_arrays_is_refused(points, triangles, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("<html><body/></html>", "no GIfTI file: it is XML without an element GIFTI"),
+        ("<html><body/></html>", "by how it begins it is a web page: get the file itself"),
+        ("<body/>", "no GIfTI file: it is XML without an element GIFTI"),
         ("<Data>1 2</Data>", "cut off or no GIfTI file ("),
         ("<GIFTI><Name>a</Name></GIFTI>", "cut off or no GIfTI file (GiftiParseError)"),
         ("<GIFTI><CoordinateSystemTransformMatrix/></GIFTI>", "cut off or no GIfTI file ("),

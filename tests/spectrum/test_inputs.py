@@ -82,6 +82,9 @@ def test_meshes_of_other_libraries_give_the_same_numbers(make):
         (Path("bunny.ply"), "read the file first: trimesh.load_mesh"),
         ((V,), "this is tuple, no mesh"),
         (types.SimpleNamespace(pos=V), r"no mesh: .*; it has no face: FaceToEdge\(remove_faces=F"),
+        (types.SimpleNamespace(points=V), r"is types\.SimpleNamespace, no mesh: .*; it has no tri"),
+        (types.SimpleNamespace(points=V, cells_dict={}), r"; of meshio: \(given.points, given\.c"),
+        (types.SimpleNamespace(to_legacy=None), r"; its \.to_legacy\(\) is one"),
         ((np.zeros((0, 3)), F[:0]), "an empty mesh: no triangles"),
         ((V, F[:0]), "a point cloud: .* vertices and no triangles"),
         ((1e100 * V, F), r"has coordinates up to 1e\+100: scale it to between"),
@@ -221,6 +224,16 @@ def test_spectra_of_many_are_those_of_each(workers):
     assert results[1].eigenvalues == pytest.approx(results[0].eigenvalues / 4)
     with pytest.raises(ValueError, match="workers must be at least 1"):
         next(spectra([SPHERE], workers=0))
+
+
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("bad", [(V * np.nan, F), None])
+def test_an_error_of_one_of_many_says_of_which(workers, bad):
+    found = spectra([SPHERE, SPHERE, bad, SPHERE], k=4, workers=workers)
+    assert len([next(found), next(found)]) == 2
+    with pytest.raises(ValueError, match=r"NaN|no mesh") as caught:
+        next(found)
+    assert caught.value.__notes__ == ["of mesh 2, counted from 0"]
 
 
 def test_meshes_of_many_processes_are_read_as_they_are_needed(monkeypatch):

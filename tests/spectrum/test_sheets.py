@@ -122,3 +122,20 @@ def test_edges_and_fans_are_those_of_their_definition(seed):
         ends, number = np.unique(link, return_inverse=True)
         fans.append(connected(len(ends), *number.reshape(-1, 2).T).max() + 1)
     assert pinched == sum(count > 1 for count in fans)
+
+
+@pytest.mark.parametrize(
+    ("away", "kind", "said"),
+    [(1e6, np.float32, True), (1e6, np.float64, False), (1e2, np.float32, False)],
+)
+def test_coordinates_that_single_precision_has_rounded_are_said(away, kind, said):
+    rounded = (BALL.vertices + np.array([away, 0.0, 0.0])).astype(kind).astype(np.float64)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        values = compute((rounded, BALL.faces), 3).eigenvalues
+    messages = [str(warning.message) for warning in caught]
+    assert [text[:64] for text in messages] == said * [
+        "coordinates are of single precision, 0.06 apart so far from the "
+    ]
+    apart = np.abs(values / compute(BALL, 3).eigenvalues - 1).max()
+    assert (apart > 1e-3) == said

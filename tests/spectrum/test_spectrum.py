@@ -272,7 +272,7 @@ def test_what_is_done_piece_by_piece_for_many_pairs_and_large_meshes_agrees(
 def test_what_is_no_mesh_is_refused():
     with pytest.raises(
         ValueError,
-        match=r"this is ndarray, no mesh: give a mesh of .*compute\(\(vertices, faces\)\)",
+        match=r"this is numpy\.ndarray, no mesh: give a mesh of .*compute\(\(vertices, faces\)\)",
     ):
         spectrum.compute(np.zeros((4, 3)), np.zeros((4, 3)))
 
@@ -531,7 +531,7 @@ def test_edges_of_many_faces_are_said():
     tied = Mesh(BALL.vertices.astype(np.float64), faces)
     many = int((geometry.MeshFacts(tied).edge_valences > 2).sum())
     assert many > 0
-    with pytest.warns(UserWarning, match=f"^{many} edges have more than two faces"):
+    with pytest.warns(UserWarning, match=rf"^{many} edges? ha(s|ve) more than two faces"):
         spectrum.compute(tied)
 
 

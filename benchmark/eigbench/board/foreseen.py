@@ -8,22 +8,23 @@ from typing import Any
 from eigbench import results
 from eigbench.board.leaderboard import RESULTS
 from eigbench.errors import EigbenchError
+from eigbench.results.sources import digest
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
 from synthnet.errors import counted
 
 
-def line(root: Path, labels: Truth, code: str, seeds: int) -> str:
+def line(root: Path, labels: Truth, code: Path, seeds: int) -> str:
     """Return what is known of a run before it starts, as one line.
 
     ``labels`` are what is to be predicted, ``seeds`` times. A row of the board in ``root`` tells
-    most if it was made by a file named as the predictor's ``code``; there may be no board.
+    most if it was made by the predictor's file, ``code``; there may be no board.
     """
     count = len(labels.ids) * seeds
     start = f"{counted(count, 'mesh', 'meshes')} to predict"
     for board in _boards(labels):
         rows = list(_readable(sorted((root / RESULTS / board).glob("*.json"))))
-        own = [(row, f"the row of {code}") for row in rows if row["model"]["code"] == code]
+        own = [(row, f"the row of {code.name}") for row in rows if _made_by(code, row)]
         lapy = [(row, "LaPy") for row in rows if row["model"]["name"] == "LaPy"]
         if candidates := [*own, *lapy]:
             row, name = candidates[0]
@@ -31,6 +32,13 @@ def line(root: Path, labels: Truth, code: str, seeds: int) -> str:
             setting = results.setting(row)
             return f"{start}: {name} took {took} for as many on the board ({setting})"
     return f"{start}; no result of them is recorded here: the first batch will show the time"
+
+
+def _made_by(code: Path, row: dict[str, Any]) -> bool:
+    """Return whether a row was made by a file of this name and code."""
+    file = code.with_name(code.name.partition(":")[0])
+    named = row["model"]["sources"].get(file.name)
+    return bool(row["model"]["code"] == code.name and named == digest(file))
 
 
 def _readable(paths: Sequence[Path]) -> Iterator[dict[str, Any]]:

@@ -17,7 +17,7 @@ from eigbench.scoring.names import SURFACE, TARGETS
 from eigbench.scoring.truth import Truth
 from synthnet import recipe, store
 from synthnet.errors import RecipeError
-from synthnet.terminal import complete_with
+from synthnet.terminal import above_zero, complete_with
 
 # PyTorch's, and JAX's gpu and tpu
 DEVICES = ("cpu", "cuda", "gpu", "hip", "hpu", "meta", "mps", "mtia", "npu", "tpu", "xla", "xpu")
@@ -201,12 +201,4 @@ def positive(text: str) -> int:
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"must be at least 1, got {value}")
-    return value
-
-
-def above_zero(text: str) -> float:
-    """Return a number above zero."""
-    value = float(text)
-    if not value > 0:
-        raise argparse.ArgumentTypeError(f"must be above 0, got {value:g}")
     return value

@@ -53,6 +53,10 @@ def check(options: argparse.Namespace) -> int:
         *_differences("one mesh at a time", ids, answers[:base], singly),
         *_differences("shuffled order", [ids[i] for i in order], answers[order], shuffled),
     ]
+    if findings:
+        with console.status("predicting all again"):
+            again = _differences("the same call", ids, answers, ask(range(len(ids)), len(ids)))
+        findings = [f"{line}; load weights, or set a seed" for line in again] or findings
     what, bad = predictions.impossible(answers)
     if bad.any():
         first = [ids[i] for i in np.flatnonzero(bad.any(axis=1))[:3]]

@@ -151,6 +151,7 @@ def plot(options: argparse.Namespace) -> int:
     dataset = arguments.unpinned(options.dataset, options.root)
     for path in options.results:
         _check_named(options.dataset, path)
+        _check_alike(options.results[0], path)
     with Console(stderr=True).status("drawing"):
         read = (submission.read(path, None, dataset) for path in options.results)
         unordered = [arguments.beside(row, options.target) for row in read]

@@ -71,7 +71,7 @@ def run_evaluate(options: argparse.Namespace) -> int:
         make_parent(path)
     parts = out.with_name(f".{out.name}.parts")
     board = Path() if RESULTS.is_dir() else CHECKOUT
-    print(foreseen.line(board, labels, options.predictor.name, settings.seeds), file=sys.stderr)
+    print(foreseen.line(board, labels, options.predictor, settings.seeds), file=sys.stderr)
     with alone(parts):
         evaluation = predict.answers(
             options.predictor,

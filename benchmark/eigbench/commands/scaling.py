@@ -17,7 +17,7 @@ from eigbench.scaling import surfaces
 from eigbench.scaling.results import ANSWERED, Scaled
 from eigbench.scaling.run import Settings
 from synthnet.store.files import make_parent
-from synthnet.terminal import print_json
+from synthnet.terminal import above_zero, print_json
 
 
 def add_commands(command: Command) -> None:
@@ -38,7 +38,6 @@ def add_commands(command: Command) -> None:
     text = (
         "memory that the predictor's process may use, checked on Linux only (default: %(default)g)"
     )
-    above_zero = arguments.above_zero
     sub.add_argument("--memory-limit", type=above_zero, default=16.0, metavar="GIB", help=text)
     sub.add_argument("--resume", action="store_true", help="add what the result at --out lacks")
     predict.add_sandbox(sub)

@@ -107,8 +107,9 @@ def read(path: Path, truth: Truth, below: Path | None = None) -> NDArray[np.floa
     if not len(ids):
         raise PredictionsError(f"{path} has no predictions")
     if values.shape != (len(ids), k):
+        hint = ": leave the zero out" if values.shape == (len(ids), k + 1) else ""
         raise PredictionsError(
-            f"{path} has predictions of shape {values.shape}, it must be ({len(ids)}, {k})"
+            f"{path} has predictions of shape {values.shape}, it must be ({len(ids)}, {k}){hint}"
         )
     runs = np.unique(seeds).tolist()
     if len(runs) > SEEDS:
@@ -217,15 +218,23 @@ def _join(
 ) -> NDArray[np.float64]:
     row_of = {id: row for row, id in enumerate(ids.tolist())}
     twice = [id for id, count in Counter(ids.tolist()).items() if count > 1]
+    unknown = sorted(set(row_of) - set(truth.ids))
+    lacking = [id for id in truth.ids if id not in row_of]
     problems = (
         ("predicts twice", twice),
-        ("lacks", [id for id in truth.ids if id not in row_of]),
-        ("has ids that are not in the split:", sorted(set(row_of) - set(truth.ids))),
+        ("lacks", lacking),
+        ("has ids that are not in the split:", unknown),
     )
     if said := [f"{what} {_first(which)}" for what, which in problems if which]:
+        if any(f"{id}/0" in truth.ids for id in unknown):
+            remedy = f"an id ends in the number of its instance, as {truth.ids[0]}"
+        elif unknown or lacking:
+            remedy = "--dataset, --split and --protocol say what was predicted"
+        else:
+            remedy = "give each id one row, or tell the runs apart by a column seed"
         raise PredictionsError(
             f"{path} {', and '.join(said)} ({truth.version}, {truth.split}, {truth.protocol}): "
-            "--dataset, --split and --protocol say what was predicted"
+            f"{remedy}"
         )
     return values[[row_of[id] for id in truth.ids]]
 
@@ -268,7 +277,7 @@ def _read_parquet(file: BinaryIO, truth: Truth) -> Read:
 def _check(schema: pa.Schema, truth: Truth) -> None:
     """Check a Parquet file's columns, and that it says of no other split that it is of that."""
     if "eigenvalues" not in schema.names:
-        raise ValueError("it has no column eigenvalues")
+        raise ValueError("it has no column eigenvalues, which has a list in each row")
     if not outside_tables.is_text(schema.field("id").type):
         raise ValueError(f"the ids have type {schema.field('id').type}, they must be text")
     kind: Any = schema.field("eigenvalues").type

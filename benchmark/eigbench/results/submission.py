@@ -176,9 +176,9 @@ def _truth(result: dict[str, Any], dataset: store.StoredDataset | None, path: Pa
     else:
         name = facts["version"]
         raise ResultError(
-            f"{path} is of the dataset {name}, which is no version of this release, so that no "
-            "board has it: give its name or directory with --dataset, and to `submit` --dry-run; "
-            f"an import is for a board if evaluated with --dataset 2.0 --protocol imported/{name}"
+            f"{path} is of {name}, which is no version of synthNet: add --dataset {name}. No board "
+            "has such a result; one of an import is for a board if it was evaluated with "
+            f"--dataset 2.0 --protocol imported/{name}"
         )
     return labels.head(facts["instances"]) if result["partial"] else labels
 

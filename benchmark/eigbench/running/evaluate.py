@@ -225,10 +225,16 @@ def _trainings(
     if loaded.trained:
         return trainings, process
     if not untrained(loaded.meta):
+        data = loaded.meta.get("training_data")
         raise PredictorError(
-            f"{path} is {loaded.meta['kind']}, trained on {loaded.meta.get('training_data', '?')}, "
-            f"and the protocol {truth.protocol} asks for a training of its own, {trainings[0]}: "
-            "define load(device, seed, training)"
+            f"the protocol {truth.protocol} asks for a training of its own, {trainings[0]}, and "
+            f"{path} is {loaded.meta['kind']}, "
+            + (
+                f"trained on {data}: define load(device, seed, training)"
+                if data
+                else "and does not say on what it was trained: define load(device, seed, "
+                'training), or say "training_data": "none" in META'
+            )
         )
     return trainings[:1], process
 

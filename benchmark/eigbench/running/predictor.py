@@ -248,7 +248,8 @@ def as_array(answer: Any) -> NDArray[Any]:
         if answer is None:
             raise PredictorError("predict returned None: end it with `return`, and the eigenvalues")
         raise PredictorError(
-            f"predict returned a {type(answer).__name__}, it must return an array of shape (B, k)"
+            f"predict returned a {type(answer).__name__}, it must return an array "
+            "of shape (B, k): k eigenvalues for each of B meshes"
         )
     return array
 
@@ -277,7 +278,10 @@ def checked(values: NDArray[Any], count: int, k: int) -> NDArray[np.float64]:
     if values.dtype.kind not in "fiu":
         raise PredictorError(f"the answer has dtype {values.dtype}, it must be real numbers")
     if values.shape != (count, k):
-        raise PredictorError(f"the answer has shape {values.shape}, it must be ({count}, {k})")
+        hint = ": leave the zero out" if values.shape == (count, k + 1) else ""
+        raise PredictorError(
+            f"the answer has shape {values.shape}, it must be ({count}, {k}){hint}"
+        )
     with np.errstate(over="ignore"):  # a longdouble beyond float64 becomes infinite
         return values.astype(np.float64)
 

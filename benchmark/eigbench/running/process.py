@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -41,6 +42,27 @@ REFUSED = (
     "--no-sandbox runs without)"
 )
 REFERENCE_FILE = Path(__file__).with_name("reference.py")  # LaPy, timed beside each predictor
+
+
+def refused(message: str, code: Path) -> str:
+    """Return what to do about an error of a predictor's ``code`` that its sandbox may have made.
+
+    Examples
+    --------
+    >>> refused("[Errno 30] Read-only file system: 'cache.txt'", Path("model.py"))
+    ' (in the sandbox it may write below $TMPDIR alone)'
+    """
+    if "Read-only file system" in message:
+        return " (in the sandbox it may write below $TMPDIR alone)"
+    for name in re.findall(r"'([^'\0]{1,60})'", message):
+        path, shown = code.absolute().parent / name, f"{code.stem}{Path(name).suffix}"
+        hidden = path.parent == code.absolute().parent and path.name != shown
+        if hidden and path.is_file() and not path.is_symlink():
+            return (
+                f" (the sandbox does not show {path.name}: name it {shown}, or add --readable "
+                f"{path})"
+            )
+    return REFUSED
 
 
 @dataclass(frozen=True, slots=True)
@@ -300,7 +322,7 @@ class PredictorProcess:
         facts = self._checked(frames.FAILED, body, at)
         message = " ".join(printable(facts["message"]).split())
         if self._box is not None and any(sign in message for sign in REFUSALS):
-            message += REFUSED
+            message += refused(message, predictor.split(Path(self.job.path))[0])
         failure = PredictorError(f"{message}, {at}" if at.startswith("on ") else message)
         trace = "\n".join(map(printable, facts["traceback"].splitlines()))
         failure.add_note(f"In the predictor's process:\n{trace}")

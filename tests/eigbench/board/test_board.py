@@ -93,7 +93,7 @@ def test_evaluated_result_is_borne_out_by_its_predictions(weyl, mini_truth):
         (lambda r: r["dataset"].update(split_digest="0" * 64), r"its split_digest is 0{16}, that"),
         (lambda r: r["dataset"].update(shapes=35), r"its shapes is 35, that of 1.0-mini here is"),
         (lambda r: r["dataset"].update(shapes=33), r"the families have 34 shapes of 33"),
-        (lambda r: r["dataset"].update(version="9.9"), r"9.9, which is no version of this"),
+        (lambda r: r["dataset"].update(version="9.9"), r"9.9, which is no version of synthNet"),
         (lambda r: r["predictions"].update(sha256="0" * 64), r"is not the file that .* made with"),
         (lambda r: r["predictions"].update(seeds=2), r"has 1 seeds, .* names 2"),
         (
@@ -872,6 +872,12 @@ def test_an_exact_answer_is_drawn_at_the_edge(make_row, mini_truth):
     (axes,) = error_figures.histogram([exact]).axes
     assert axes.get_lines()[0].get_xdata()[0] == figures.FLOOR / 10
     assert axes.get_title(loc="left") == "Exact: median 0"
+
+
+def test_plot_of_two_datasets_says_so(refused, made, tmp_path):
+    other = CHECKOUT / "benchmark" / "results" / "2.0-test-grouped" / "weyl-s-law.json"
+    err = refused("plot", made["one"], other, "--out", tmp_path)
+    assert err.endswith("cannot be compared: their version is 1.0-mini and 2.0\n")
 
 
 def test_plot_of_answers_that_are_not_finite_is_refused(

@@ -117,7 +117,10 @@ def test_what_is_not_trained_is_run_once_and_a_model_trained_for_itself_refused(
     assert (evaluate(code, labels, mini_meshes, Options(), tmp_path / "a").predictions == 1).all()
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["seed-0"]
     code = predictor_file(UNTRAINED.replace("KIND", "learned"))
-    message = "is learned, .* and the protocol grouped asks for a training of its own, 1.0-mini/1"
+    message = (
+        "the protocol grouped asks for a training of its own, 1.0-mini/1.* is learned, and does not"
+        " say on what it was trained: define load.*, or say .training_data.: .none. in META"
+    )
     with pytest.raises(PredictorError, match=message):
         evaluate(code, labels, mini_meshes, Options(), tmp_path / "b")
 

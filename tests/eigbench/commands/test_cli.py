@@ -10,6 +10,8 @@ from eigbench.board import foreseen, tables
 from eigbench.commands import check
 from eigbench.commands.score import EXPLAINED
 from eigbench.results import predictions
+from eigbench.results.sources import digest
+from eigbench.running import box
 from eigbench.scoring import physics
 from eigbench.scoring.metrics import METRICS
 
@@ -279,6 +281,45 @@ def test_check_finds_what_a_board_does_not_take_or_no_spectrum_does(
     assert "Warning" not in err
 
 
+@pytest.mark.parametrize(
+    ("answer", "hint"),
+    [
+        ("meshes.vertices", "; predict gets a sequence of meshes, and answers a row for each"),
+        ("np.ones((len(meshes), 11))", ", it must be (133, 10): leave the zero out"),
+        ("{}", "an array of shape (B, k): k eigenvalues for each of B meshes"),
+    ],
+)
+def test_check_says_what_to_do_about_a_usual_mistake(refused, predictor_file, answer, hint):
+    path = predictor_file(f"{WEYL_TO_CHANGE}\ndef predict(meshes): return {answer}\n")
+    assert hint in refused("check", path)
+
+
+def test_check_tells_random_answers_from_those_that_depend_on_the_batch(eigbench, predictor_file):
+    path = predictor_file(
+        f"{WEYL_TO_CHANGE}\nfactor = 1 + np.random.default_rng().random()\n"
+        "def predict(meshes): return factor * weyl(meshes)\n"
+    )
+    code, out, _ = eigbench("check", path, "--json")
+    findings = json.loads(out)["findings"]
+    assert code == 1
+    assert len(findings) == 1
+    assert findings[0].startswith("other answers for the same call: up to ")
+    assert findings[0].endswith("; load weights, or set a seed")
+
+
+@pytest.mark.skipif(box.available() == box.NONE, reason="no sandbox works here")
+def test_weights_that_the_sandbox_hides_are_said_to_be_there(refused, predictor_file):
+    path = predictor_file(
+        "import numpy as np\nfrom pathlib import Path\n"
+        "w = np.load(Path(__file__).with_name('w.npy'))\ndef predict(meshes): ...\n"
+    )
+    hidden = path.with_name("w.npy")
+    np.save(hidden, np.ones(3))
+    err = refused("check", path)
+    hint = f"does not show w.npy: name it {path.stem}.npy, or add --readable {hidden})"
+    assert hint in err.splitlines()[-1]
+
+
 def test_an_answer_that_is_a_number_in_one_batch_only_is_found():
     whole, singly = np.ones((2, 10)), np.ones((2, 10))
     singly[1, 3] = np.nan
@@ -343,8 +384,10 @@ def test_evaluate_says_what_it_will_cost_and_where_the_columns_are_explained(
 
 
 def test_what_a_run_costs_is_foreseen_by_its_own_row_or_by_lapys(
-    make_submission, mini_truth, tmp_path
+    make_submission, mini_truth, predictor_file, tmp_path
 ):
+    mine = predictor_file(WEYL, "mine.py")
+
     def put(name, board, ms, **model):
         result = json.loads(make_submission(name, mini_truth.eigenvalues, **model).read_text())
         result["cost"] |= {"ms_per_mesh_mean": ms, "reference": None}
@@ -353,7 +396,7 @@ def test_what_a_run_costs_is_foreseen_by_its_own_row_or_by_lapys(
         (folder / f"{name}.json").write_text(json.dumps(result))
 
     def line(seeds=1):
-        return foreseen.line(tmp_path, mini_truth, "mine.py", seeds)
+        return foreseen.line(tmp_path, mini_truth, mine, seeds)
 
     assert line().startswith("306 meshes to predict; no result of them is recorded here")
     put("Other", BOARD, 9_999.0)
@@ -363,9 +406,11 @@ def test_what_a_run_costs_is_foreseen_by_its_own_row_or_by_lapys(
     )
     put("LaPy", BOARD, 10.0)
     assert line().startswith("306 meshes to predict: LaPy took less than a minute")
-    put("Mine", BOARD, 2_000.0, code="mine.py")
+    put("Mine", BOARD, 2_000.0, code="mine.py", sources={"mine.py": digest(mine)})
     (tmp_path / "benchmark" / "results" / BOARD / "half.json").write_text("{}")
     assert line(3).startswith("918 meshes to predict: the row of mine.py took about 31 min")
+    predictor_file(WEYL_TO_CHANGE, "mine.py")  # another's file may have that name
+    assert line().startswith("306 meshes to predict: LaPy took less than a minute")
 
 
 @pytest.mark.parametrize(

@@ -100,11 +100,18 @@ WRONG = {
         lambda ids, v: (["cone-9/0", *ids[1:]], v),
         "lacks {0}, and has ids that are not in the split: cone-9/0 .1.0-mini, test, grouped",
     ),
-    "an id twice": (lambda ids, v: ([*ids, ids[4]], [*v, v[4]]), "predicts twice {4}"),
+    "an id twice": (
+        lambda ids, v: ([*ids, ids[4]], [*v, v[4]]),
+        "predicts twice {4} .*: give each id one row, or tell the runs apart by a column seed",
+    ),
+    "no instances": (
+        lambda ids, v: ([id.partition("/")[0] for id in ids], v),
+        "lacks {0}.* not in the split: .*: an id ends in the number of its instance, as {0}",
+    ),
     "too few eigenvalues": (lambda ids, v: (ids, v[:, :9]), r"shape \(20, 9\)|lambda_10"),
     "too many eigenvalues": (
         lambda ids, v: (ids, np.hstack([v, v[:, :1]])),
-        r"shape \(20, 11\)|lambda_11",
+        r"shape \(20, 11\), it must be \(20, 10\): leave the zero out|lambda_11",
     ),
 }
 
@@ -204,8 +211,13 @@ DAMAGED = [
     ("p.csv", other_columns, "cannot be read"),
     ("p.csv", with_mark(";"), "has no column id: separate columns by commas, not by semicolons"),
     ("p.csv", with_mark("\t"), "has no column id: separate columns by commas, not by tabs"),
-    ("p.csv", with_mark("|"), "has no column id$"),
-    ("p.csv", lambda path, ids, v: path.touch(), "has no column id: the first line is empty"),
+    ("p.csv", with_mark("|"), "has no column id: it has id|lambda_1|"),
+    (
+        "p.npz",
+        lambda path, ids, v: np.savez(path, ids=np.array(ids, object), eigenvalues=v),
+        r"ids\.npy has dtype object: .* or text, as \.astype\(str\) makes",
+    ),
+    ("p.csv", lambda path, ids, v: path.touch(), "has no column id: it is empty"),
     ("p.parquet", no_rows, "has no predictions"),
     ("p.parquet", cells(lambda v: [*v[:3], [1.0] * 5, *v[4:]]), "{3} has 5 eigenvalues, there are"),
     ("p.parquet", cells(lambda v: [*v[:3], None, *v[4:]]), "{3} has 0 eigenvalues, there are 10"),
