@@ -84,7 +84,20 @@ def missing(path: Path) -> str:
         names = [o.name for o in path.parent.iterdir() if o.name.startswith(".") == hidden]
     except OSError:  # nor is the directory there, or it may not be read
         names = []
-    return f"there is no file {path}{suggestion(path.name, names)}"
+    if path.name in names:
+        return f"{path} is a link to a file that is not there"
+    return f"there is no file {path}{suggestion(path.name, map(printable, names))}"
+
+
+def printable(name: str) -> str:
+    r"""Return a file's name with what cannot be printed or encoded escaped.
+
+    Examples
+    --------
+    >>> printable("a\nb\udcff.obj")
+    'a\\nb\\udcff.obj'
+    """
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in name)
 
 
 def install(module: str) -> str:

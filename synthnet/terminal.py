@@ -5,13 +5,15 @@ import io
 import json
 import os
 import sys
+import threading
 import traceback
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -26,6 +28,7 @@ from rich.text import Text
 from synthnet.errors import suggestion
 from synthnet.processes import more_memory
 
+LOGGED = 5.0  # seconds between lines that say what is being done, in a log
 WRONG_INPUT = 2  # exit code if the input, the directory or the machine is unsuitable
 UNSUITABLE = (ValueError, OSError, MemoryError)  # is one line, beside a package's own errors
 
@@ -261,6 +264,35 @@ class _Bars(Progress):
             super().stop()
         else:
             self.live.stop()
+
+
+@contextmanager
+def at_work() -> Iterator[Callable[[str], None]]:
+    """Show what is being done, on standard error: in a terminal at once, in a log now and then.
+
+    Yield a function that takes what it is.
+    """
+    console, doing, ended = Console(stderr=True), [""], threading.Event()
+    with console.status("") as status:
+
+        def say(what: str) -> None:
+            doing[0] = what
+            status.update(escape(what))
+
+        def log() -> None:
+            said = ""
+            while not ended.wait(LOGGED):
+                if doing[0] != said:
+                    said = doing[0]
+                    sys.stderr.write(f"{said}\n")
+                    sys.stderr.flush()
+
+        if not console.is_terminal:
+            threading.Thread(target=log, daemon=True).start()
+        try:
+            yield say
+        finally:
+            ended.set()
 
 
 def progress(text: str, console: Console | None = None, *, of: str = "meshes") -> Progress:

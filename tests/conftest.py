@@ -11,7 +11,7 @@ import hypothesis
 import pytest
 
 import synthnet
-from synthnet import kernels, recipe
+from synthnet import kernels, recipe, terminal
 from synthnet.build.label import make_sample
 from synthnet.commands import cli
 from synthnet.recipe import FamilyRecipe, Recipe, plan, splits
@@ -230,8 +230,9 @@ def only_line(code, out, err):
 
 
 @pytest.fixture
-def run(capsys):
+def run(capsys, monkeypatch):
     """Return a function that runs a command of synthnet: exit code, stdout and stderr."""
+    monkeypatch.setattr(terminal, "LOGGED", 3600)  # a kernel that is compiled takes some seconds
     return partial(called, cli.main, capsys)
 
 

@@ -21,11 +21,11 @@ from synthnet.build.sources import FilePlan, Inputs, plan_files
 from synthnet.build.surfaces import LIMITS, Settings, count_parts, import_file
 from synthnet.build.terms import SHARDS, made_with, terms_of
 from synthnet.build.workers import Engine
-from synthnet.errors import BuildError, MeshImportError, StoreError
+from synthnet.errors import BuildError, MeshImportError, StoreError, printable
 from synthnet.mesh.reading import Reader
 from synthnet.mesh.repair import SPLIT
 from synthnet.recipe import Kind
-from synthnet.store import ImportDescription, StoredDataset, files, limits, unpacked
+from synthnet.store import ImportDescription, StoredDataset, limits, unpacked
 from synthnet.store.storage import Location
 from synthnet.types import Manifest, ShardRecord
 
@@ -213,7 +213,7 @@ def _check_directory(directory: Location) -> None:
     strange = [name for name in strange if not re.fullmatch(r"\..*\.partial|\.writable", name)]
     if strange:
         raise MeshImportError(
-            f"{directory} holds {files.printable(strange[0])}, which is of no import: nothing "
+            f"{directory} holds {printable(strange[0])}, which is of no import: nothing "
             "was overwritten, choose another --out or --name"
         )
 

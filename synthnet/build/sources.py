@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from synthnet.build.terms import SHARDS
-from synthnet.errors import MeshImportError
+from synthnet.errors import MeshImportError, printable
 from synthnet.mesh.formats import SUFFIXES, kind_of, no_mesh
 from synthnet.recipe import SplitSettings, splits
 from synthnet.recipe.plan import PlannedShape, ShardPlan
@@ -152,7 +152,7 @@ def not_meshes(directories: Sequence[Path]) -> Counter[str]:
 
 
 def _source(directory: Path, path: Path, error: str) -> Source:
-    name = files.printable(path.relative_to(directory).as_posix())
+    name = printable(path.relative_to(directory).as_posix())
     if error:
         return Source(path, f"{name}/", refused=(UNREADABLE, error))
     try:

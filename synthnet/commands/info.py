@@ -75,8 +75,9 @@ def _outcome(dataset: store.StoredDataset, name: str) -> dict[str, str | int]:
         if kind_of(Path(name).name) is not None:
             raise StoreError(dataset.no_file(name))
         dataset.find(name)  # or say that there is none
-        version = dataset.manifest.version
-        raise StoreError(f"{version} is no import: `synthnet show {name} --dataset {version}`")
+        version, directory = dataset.manifest.version, dataset.directory.parent
+        out = "" if str(directory) == str(store.home()) else f" --out {directory}"
+        raise StoreError(f"{version} is no import: `synthnet show {name} --dataset {version}{out}`")
     id = dataset.id_of(name)
     for row in file_outcomes(dataset):
         if row["id"] == id:
@@ -99,7 +100,8 @@ def _count_limits(dataset: store.StoredDataset) -> dict[str, int]:
 def _say_limits(counts: dict[str, int], kind: Kind) -> str:
     labels, failing = counts["labels"], counts["failing"]
     if not labels:
-        return "none: an import has no surfaces" if kind is Kind.IMPORTED else "none (--limits)"
+        imported = kind is Kind.IMPORTED
+        return "none: no import has a known surface" if imported else "none (--limits)"
     return (
         f"of {labels:,} labels; {failing:,} of them ({failing / labels:.1%}) have a PSNR of "
         "20 dB or less against their limit"

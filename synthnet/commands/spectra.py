@@ -6,7 +6,6 @@ import io
 import math
 import re
 import sys
-import time
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -19,7 +18,7 @@ from tabulate import tabulate
 
 from synthnet import terminal
 from synthnet.commands.options import at_least
-from synthnet.errors import SpectrumError, SynthNetError, missing
+from synthnet.errors import SpectrumError, SynthNetError, counted, missing, printable
 from synthnet.mesh.formats import SUFFIXES, UnreadableError, kind_of
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.mesh.reading import Reader
@@ -28,12 +27,12 @@ from synthnet.spectrum import Operator, certify, compute, discretise, repaired
 from synthnet.spectrum.fem import REMEDY
 from synthnet.spectrum.operators import BOUNDARIES, MASSES, SHARES
 from synthnet.spectrum.sheets import JOINED, PARTED
+from synthnet.spectrum.verdict import LOOSEST
 from synthnet.store.files import make_parent, write_text
 from synthnet.terminal import Commands, above_zero, print_json
 from synthnet.types import Mesh, Spectrum
 
 VALUES = ("eigenvalue", "eigenvalues", "lambda", "λ")  # the name of their column
-LOGGED = 5  # seconds between lines that say where it is, in a log
 SHOWN = 6  # so many eigenvalues fit in a row of the terminal
 NUMBER = re.compile(r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|nan|inf(?:inity)?)", re.IGNORECASE)
 CELL = re.compile(r'"[^"]*"|[^\s,]+')  # no field of csv, which may have 131,072 characters at most
@@ -101,12 +100,23 @@ def add(commands: Commands) -> None:
     )
     sub.add_argument(
         "--tolerance",
-        type=above_zero,
+        type=_tolerance,
         default=1e-6,
         metavar="T",
         help="relative distance within which an eigenvalue is right (default: %(default)g)",
     )
     _of_mesh_options(sub)
+
+
+def _tolerance(text: str) -> float:
+    """Return a tolerance of the command line."""
+    value = above_zero(text)
+    if value > LOOSEST:
+        raise argparse.ArgumentTypeError(f"must be at most {LOOSEST}, got {value:g}")
+    return value
+
+
+_tolerance.__name__ = "float"  # argparse's name for what is no number at all
 
 
 def _of_mesh_options(command: argparse.ArgumentParser) -> None:
@@ -150,32 +160,33 @@ def run_spectrum(options: argparse.Namespace) -> int:
     answers: list[Answer] = []
     try:
         answers.extend(_answers(options, operator))
-    finally:  # Ctrl-C keeps what is finished
+    except KeyboardInterrupt:  # what is finished is kept, and a whole table of an earlier run
         if answers:
-            _finish(answers, options, operator)
+            out = options.out and options.out.with_suffix(".partial.csv")
+            _finish(answers, options, operator, out)
+        raise
+    _finish(answers, options, operator, options.out)
     return terminal.WRONG_INPUT if any(answer.problem for answer in answers) else 0
 
 
 def _answers(options: argparse.Namespace, operator: Operator) -> Iterator[Answer]:
     """Yield the spectrum of each file, and show how far it is."""
-    console, said = Console(stderr=True), time.monotonic()
-    with Reader() as reader, console.status("") as status:
+    with Reader() as reader, terminal.at_work() as say:
         for number, file in enumerate(options.files, start=1):
-            here = f"{_printable(file.name)} ({number} of {len(options.files)})"
-            status.update(here)
-            if not console.is_terminal and time.monotonic() - said > LOGGED:
-                print(here, file=sys.stderr, flush=True)
-                said = time.monotonic()
+            say(f"{printable(file.name)} ({number} of {len(options.files)})")
             yield _answer(reader, file, options.k, operator, mended=options.repair)
 
 
-def _finish(answers: list[Answer], options: argparse.Namespace, operator: Operator) -> None:
-    """Write the answers where that is wanted, and print their table."""
+def _finish(
+    answers: list[Answer], options: argparse.Namespace, operator: Operator, out: Path | None
+) -> None:
+    """Write the answers to a file, if one is wanted, and print their table."""
     written = ""
     try:
-        if options.out is not None:
-            write_text(options.out, _as_csv(answers, options.k, operator))
-            written = f"\n\nwritten to {options.out}"
+        if out is not None:
+            write_text(out, _as_csv(answers, options.k, operator))
+            count = f"{len(answers)} of {counted(len(options.files), 'file')}"
+            written = f"\n\nwritten to {out}{'' if out == options.out else f': {count}'}"
     finally:  # the work is shown, though the disk may be full
         _print(answers, options, operator, written)
 
@@ -206,8 +217,12 @@ def run_certify(options: argparse.Namespace) -> int:
                     state.mesh, answer, tolerance=options.tolerance, operator=operator
                 )
             pieces = MeshFacts(state.mesh).n_components
-        except (UnreadableError, Refused, ValueError, SpectrumError) as error:
+        except (UnreadableError, Refused, SpectrumError) as error:
             raise AnswerError(f"{options.mesh}: {error}") from error
+        except ValueError as error:
+            hint = _hint(state.mesh, options.mesh, operator, mended=options.repair)
+            said = f"{options.mesh}: {_by_command(str(error))}{hint}"
+            raise AnswerError(said) from error
     if options.json:
         print_json(
             {
@@ -250,10 +265,10 @@ def _mesh(reader: Reader, file: Path, operator: Operator, *, mended: bool) -> Re
     are left out, and an STL file's corners merged: no two of its triangles share one.
     """
     try:
-        directory, other = file.is_dir(), file.exists() and not file.is_file()
+        there, directory, other = file.exists(), file.is_dir(), not file.is_file()
     except OSError as error:  # a name that is too long, a folder that may not be entered
         raise UnreadableError(f"cannot be opened ({error.strerror})") from error
-    if not file.exists():
+    if not there:
         raise UnreadableError(missing(file))
     if directory:
         raise UnreadableError("a directory: name files, or `synthnet import` it")
@@ -278,6 +293,12 @@ def _mended(mesh: Mesh, file: Path, operator: Operator) -> Repaired:
             raise
         detail = f"{error.detail}, --elements tufted takes the mesh as it is"
         raise Refused(error.reason, detail) from error
+
+
+def _hint(mesh: Mesh, file: Path, operator: Operator, *, mended: bool) -> str:
+    """Return that a repair would help a mesh that is taken as it stands; empty if it would not."""
+    helps = not mended and _would_mend(mesh, file, operator)
+    return "; without --no-repair what can be mended is" if helps else ""
 
 
 def _would_mend(mesh: Mesh, file: Path, operator: Operator) -> bool:
@@ -319,8 +340,7 @@ def _solved(reader: Reader, file: Path, k: int, operator: Operator, *, mended: b
                 state.mesh, k, operator=operator, sharp=operator.elements == "linear"
             )
     except ValueError as error:
-        helps = not mended and _would_mend(state.mesh, file, operator)
-        hint = "; without --no-repair what can be mended is" if helps else ""
+        hint = _hint(state.mesh, file, operator, mended=mended)
         return Answer(file, problem=f"{_by_command(str(error))}{hint}")
     vertices = len(state.mesh.vertices)
     return Answer(file, spectrum, vertices, state.repairs, warnings=_by_options(warned))

@@ -45,7 +45,7 @@ def load_dataset(
     BuildError
         If the version is not there and cannot be built, or its directory cannot be written to.
     StoreError
-        If there is no shape in the split.
+        If there is no shape in the split, or the dataset is at a URL.
     """
     if split not in SPLITS:
         raise ValueError(f"split must be one of {', '.join(SPLITS)}, got {split!r}")

@@ -160,7 +160,8 @@ def read(content: bytes, suffix: str) -> Triangles:
     >>> triangles.faces.tolist()
     [[0, 1, 2], [0, 2, 3]]
     """
-    if suffix.endswith(GZIP):
+    zipped = GZIP if suffix.endswith(GZIP) else ""
+    if zipped:
         content, suffix = _decompressed(content), suffix.removesuffix(GZIP)
     if not content.strip():
         raise UnreadableError("the file is empty")
@@ -171,7 +172,7 @@ def read(content: bytes, suffix: str) -> Triangles:
     try:
         triangles = READERS[suffix](content)
     except UnreadableError as error:
-        if (other := _of_another_format(content, suffix)) is not None:
+        if (other := _of_another_format(content, suffix, zipped)) is not None:
             raise UnreadableError(other) from error
         raise
     if not len(triangles.faces):
@@ -179,17 +180,17 @@ def read(content: bytes, suffix: str) -> Triangles:
     return triangles
 
 
-def _of_another_format(content: bytes, suffix: str) -> str | None:
+def _of_another_format(content: bytes, suffix: str, zipped: str) -> str | None:
     r"""Return what a file is by how it begins, where its name says something else.
 
     Examples
     --------
-    >>> _of_another_format(b"ply\nformat", ".stl"), _of_another_format(b"OFF 3", ".off")
-    ('by how it begins it is a PLY file: name it .ply', None)
+    >>> _of_another_format(b"ply\nformat", ".stl", ".gz")
+    'by how it begins it is a PLY file: name it .ply.gz'
     """
     for begins, own, what in BEGINNINGS:
         if own != suffix and begins.match(content):
-            return f"by how it begins it is {what}"
+            return f"by how it begins it is {what}{zipped if own else ''}"
     return None
 
 

@@ -76,6 +76,10 @@ class Refused(SynthNetError):
         super().__init__(f"{reason}: {detail}")
         self.reason, self.detail = reason, detail
 
+    def __reduce__(self) -> tuple[type[Refused], tuple[str, str]]:
+        """Say how another process makes it anew."""
+        return Refused, (self.reason, self.detail)
+
 
 @dataclass(frozen=True, slots=True)
 class Rules:

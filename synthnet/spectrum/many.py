@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future
+from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import contextmanager
 from functools import partial
 from itertools import count, islice
@@ -81,6 +81,8 @@ def _numbered(number: int) -> Iterator[None]:
     """Add to an error of this block which mesh it is of."""
     try:
         yield
+    except BrokenExecutor:
+        raise  # a process has died, of whichever mesh
     except Exception as error:
         error.add_note(f"of mesh {number}, counted from 0")
         raise

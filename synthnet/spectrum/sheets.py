@@ -17,9 +17,9 @@ from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.types import Mesh
 
 JOINED = "compute(…, repair=True).mesh has equal corners joined"  # the ends of warnings
+PARTED = "compute(…, repair=True).mesh has them parted"
 COARSE = 0.01  # of an edge: rounding to less moves eigenvalues by a few ten-thousandths
 FEW = 1000  # faces
-PARTED = "compute(…, repair=True).mesh has them parted"
 
 
 def warn_of_sheets(mesh: Mesh, stacklevel: int) -> None:
@@ -59,26 +59,32 @@ def warn_of_sheets(mesh: Mesh, stacklevel: int) -> None:
     step, edge = rounded_to(vertices), typical_edge(vertices, faces)
     if step > COARSE * edge:
         warnings.warn(
-            f"coordinates are of single precision, {step:.1g} apart so far from the origin, and "
-            f"edges only {edge:.1g} long: the surface is a rounded one; save it in double "
+            f"coordinates are of single precision, {step:.3g} apart so far from the origin, and "
+            f"edges only {edge:.3g} long: the surface is a rounded one; save it in double "
             "precision, or move it to the origin before it is saved",
             stacklevel=stacklevel,
         )
 
 
 def rounded_to(vertices: Floats) -> float:
-    """Return how far apart numbers of single precision are at a mesh; 0 if it has others too.
+    """Return how far apart numbers of single precision are at a mesh that was rounded to them.
+
+    It is 0 if a coordinate is no such number, or all are multiples of a larger one, as on a grid of
+    integers, which nothing has rounded.
 
     Examples
     --------
     >>> corners = np.array([[1e6, 0.0, 0.0], [1e6 + 0.5, 0.0, 0.0], [1e6, 1.0, 0.0]])
-    >>> rounded_to(corners), rounded_to(corners + 1e-3)
-    (0.0625, 0.0)
+    >>> [rounded_to(corners + x) for x in (0.0625, 0.0, 1e-3)]
+    [0.0625, 0.0, 0.0]
     """
     with np.errstate(over="ignore"):
         if not len(vertices) or not (vertices.astype(np.float32) == vertices).all():
             return 0.0
-    return float(np.spacing(np.float32(np.abs(vertices).max())))
+    size = np.abs(vertices)
+    step = float(np.spacing(np.float32(size.max())))
+    largest = vertices[size >= size.max() / 2]  # they have this step, smaller ones a finer one
+    return step if (largest % (2 * step)).any() else 0.0
 
 
 def typical_edge(vertices: Floats, faces: Int32s) -> float:

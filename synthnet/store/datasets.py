@@ -218,7 +218,9 @@ def open_dataset(version: str, root: str | os.PathLike[str] | None = None) -> St
         out = "" if root is None else f" --out {root}"
         raise StoreError(f"no finished dataset in {directory}: run `synthnet build {version}{out}`")
     if manifest.version != version:
-        hint = f": its name alone is {manifest.version}" if os.sep in version else ""
+        hint = ""
+        if os.sep in version:
+            hint = f": give the name {manifest.version}, and as --out or root the directory above"
         raise StoreError(f"{directory} holds {manifest.version}, not {version}{hint}")
     dataset = StoredDataset(directory, manifest)
     if not _may_have_name(dataset.kind, recipe.parse_name(version)):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import filelock
 
-from synthnet.errors import BuildError
+from synthnet.errors import BuildError, printable
 
 BUSY = "another build is writing to {where}: wait for it (--wait) or choose another --out"
 NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)  # of file systems without flock
@@ -230,14 +230,3 @@ def remove_partial_files(directory: Path) -> None:
 def one_line(error: BaseException) -> str:
     """Return an error's message on one line."""
     return " ".join(str(error).split())
-
-
-def printable(name: str) -> str:
-    r"""Return a file's name with what cannot be printed or encoded escaped.
-
-    Examples
-    --------
-    >>> printable("a\nb\udcff.obj")
-    'a\\nb\\udcff.obj'
-    """
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in name)

@@ -235,15 +235,17 @@ def _instead(header: Sequence[str]) -> str:
 
     Examples
     --------
-    >>> _instead(["id;lambda_1;lambda_2"]), _instead(["ID", "l1", "l2", "l3"]), _instead([])
-    (': separate columns by commas, not by semicolons', ': it has ID, l1, l2, …', ': it is empty')
+    >>> _instead(["id;lambda_1;lambda_2"])
+    ': separate columns by commas, not by semicolons'
+    >>> _instead(["ID", "l1", "l2", "l3"]), _instead([])
+    (": it has 'ID', 'l1', 'l2', …", ': its first line is empty')
     """
     for mark, name in ((";", "semicolons"), ("\t", "tabs")):
         if len(header) == 1 and mark in header[0]:
             return f": separate columns by commas, not by {name}"
     if not header:
-        return ": it is empty"
-    names = [ascii(name[:40])[1:-1] for name in header[:3]]
+        return ": its first line is empty"
+    names = [ascii(name[:40]) for name in header[:3]]
     return f": it has {', '.join([*names, *['…'] * (len(header) > 3)])}"
 
 

@@ -20,7 +20,7 @@ from typing import Any
 from synthnet import recipe, store
 from synthnet.build.jobs import BuildReport, Watcher, is_whole
 from synthnet.build.versions import build
-from synthnet.errors import DamagedError, RecipeError, SealError
+from synthnet.errors import DamagedError, RecipeError, SealError, printable
 from synthnet.recipe import Recipe, Sealed, SplitSettings
 from synthnet.recipe.plan import plan_shards
 from synthnet.store import files, pins, storage
@@ -232,7 +232,7 @@ def check_terms(base: Recipe, share: float | None, beacon: str | None) -> None:
     ):
         raise SealError(
             f"--beacon must be 1 to {MOST_LETTERS} printable ASCII letters on one line, got "
-            f"{files.printable(beacon[:40])!r}"
+            f"{printable(beacon[:40])!r}"
         )
 
 

@@ -405,7 +405,7 @@ def test_a_file_that_no_version_has_is_said(words, run, mini_home):
 
 def test_a_shape_of_a_version_is_shown_by_another_command(run, mini_home):
     line = only_line(*run("info", "1.0-mini", "--shape", "cone-00003", "--out", mini_home))
-    remedy = "`synthnet show cone-00003 --dataset 1.0-mini`"
+    remedy = f"`synthnet show cone-00003 --dataset 1.0-mini --out {mini_home}`"
     assert line == f"synthnet: 1.0-mini is no import: {remedy}"
     line = only_line(*run("info", "1.0-mini", "--shape", "cone-99999", "--out", mini_home))
     assert "no shape 'cone-99999'" in line
@@ -414,7 +414,8 @@ def test_a_shape_of_a_version_is_shown_by_another_command(run, mini_home):
 def test_a_path_in_place_of_a_name_is_said(run, mini_home):
     path = mini_home / "1.0-mini"
     line = only_line(*run("info", path, "--out", mini_home))
-    assert line.endswith(f"holds 1.0-mini, not {path}: its name alone is 1.0-mini")
+    remedy = "give the name 1.0-mini, and as --out or root the directory above"
+    assert line.endswith(f"holds 1.0-mini, not {path}: {remedy}")
 
 
 def test_a_largest_component_of_less_than_half_is_said(folder, run_import):

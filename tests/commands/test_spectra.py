@@ -3,6 +3,8 @@
 import csv
 import json
 import os
+import re
+import time
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ import trimesh
 
 from evidence.operators import square
 from evidence.thin_meshes import thin
+from synthnet import terminal
 from synthnet.commands.spectra import read_answer
 from synthnet.mesh.reading import Reader
 from synthnet.spectrum import Operator, compute
@@ -207,6 +210,7 @@ def test_repair_is_named_where_it_would_help_alone(text, options, helps, run, tm
     assert code == 2
     assert err.startswith(f"synthnet: {file}: ")
     assert ("without --no-repair" in err) == helps
+    assert "repair=True" not in err
 
 
 def test_an_eigenvalue_that_rounding_has_spoilt_is_named_on_standard_error(run, tmp_path):
@@ -361,22 +365,30 @@ def interrupting(method, name):
 @pytest.mark.parametrize(("stopped", "kept"), [("b.stl", 1), ("a.ply", 0)])
 def test_an_interrupt_loses_no_finished_spectrum(stopped, kept, run, files, tmp_path, monkeypatch):
     monkeypatch.setattr(Reader, "triangles", interrupting(Reader.triangles, stopped))
-    out = tmp_path / "spectra.csv"
+    out, partial = tmp_path / "spectra.csv", tmp_path / "spectra.partial.csv"
+    out.write_text("a whole table of an earlier run")
     code, table, err = run("spectrum", *files[:2], "--out", out)
     assert code == 130
     assert err == "synthnet: interrupted\n"
     assert table.count("a.ply") == kept
-    assert out.exists() == bool(kept)
+    assert out.read_text() == "a whole table of an earlier run"
+    assert partial.exists() == bool(kept)
+    assert (f"written to {partial}: 1 of 2 files" in table) == bool(kept)
     if kept:
-        assert [row["file"] for row in csv.DictReader(out.read_text().splitlines())] == [
-            str(files[0])
-        ]
+        rows = csv.DictReader(partial.read_text().splitlines())
+        assert [row["file"] for row in rows] == [str(files[0])]
 
 
 def test_a_log_says_which_file_it_is_at(run, files, monkeypatch):
-    monkeypatch.setattr("synthnet.commands.spectra.LOGGED", 0)
+    def slow(reader, file):
+        time.sleep(0.3)
+        return read(reader, file)
+
+    read = Reader.triangles
+    monkeypatch.setattr(Reader, "triangles", slow)
+    monkeypatch.setattr(terminal, "LOGGED", 0.1)
     _, _, err = run("spectrum", *files[:2])
-    assert err.splitlines() == ["a.ply (1 of 2)", "b.stl (2 of 2)"]
+    assert list(dict.fromkeys(err.splitlines())) == ["a.ply (1 of 2)", "b.stl (2 of 2)"]
 
 
 def test_polygons_that_were_cut_by_ears_are_a_repair_as_in_an_import(run, tmp_path):
@@ -397,7 +409,16 @@ def test_vertices_of_no_triangle_are_left_out_of_tufted_elements(run, printed, t
     assert (one["repairs"], other["repairs"]) == ({}, {"loose vertices": 1})
 
 
-@pytest.mark.parametrize("tolerance", ["-1", "0", "nan"])
+@pytest.mark.parametrize("tolerance", ["-1", "0", "nan", "0.6", "inf"])
 def test_a_tolerance_that_is_none_is_not_said_of_the_mesh(tolerance, run, files, tmp_path):
     line = only_line(*run("certify", files[0], tmp_path / "none.csv", "--tolerance", tolerance))
-    assert f"argument --tolerance: must be above 0, got {tolerance}" in line
+    assert re.search(f"argument --tolerance: must be (above 0|at most 0.5), got {tolerance}", line)
+
+
+def test_certify_has_the_remedies_of_the_command(run, tmp_path):
+    loose, answer = tmp_path / "loose.obj", tmp_path / "answer.csv"
+    loose.write_text(FLAT + "v 9 9 9\n")
+    answer.write_text("1.0\n")
+    line = only_line(*run("certify", loose, answer, "--no-repair"))
+    remedy = "without --no-repair what can be mended is"
+    assert line == f"synthnet: {loose}: 1 vertices belong to no triangle; {remedy}"

@@ -105,6 +105,8 @@ def test_a_directory_that_cannot_be_written_is_one_line_with_what_to_do(home):
     shutil.rmtree(cache, ignore_errors=True)
     cache.touch()
     line = rf"cannot write to {cache} \(.*\): choose another .* with \$SYNTHNET_HOME or root=$"
-    with pytest.raises(BuildError, match=line):
-        synthnet.load_dataset(VERSION, root=home)
-    cache.unlink()
+    try:
+        with pytest.raises(BuildError, match=line):
+            synthnet.load_dataset(VERSION, root=home)
+    finally:
+        cache.unlink()

@@ -673,3 +673,8 @@ def test_suffixes_are_those_of_the_documentation():
         others.get(suffix, suffix[1:].upper()) in (formats.__doc__ or "")
         for suffix in formats.SUFFIXES
     )
+
+
+def test_a_compressed_file_of_another_format_is_said_to_be_that():
+    content = gzip.compress(binary_ply(LIST, bytes([3] + 7 * [0]) * 2))
+    assert refused(content, ".stl.gz") == "by how it begins it is a PLY file: name it .ply.gz"

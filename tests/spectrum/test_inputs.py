@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from numba.core.dispatcher import Dispatcher
 
 from synthnet.mesh.open3d import to_open3d
+from synthnet.mesh.repair import Refused
 from synthnet.spectrum import (
     as_mesh,
     certify,
@@ -227,11 +228,11 @@ def test_spectra_of_many_are_those_of_each(workers):
 
 
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("bad", [(V * np.nan, F), None])
+@pytest.mark.parametrize("bad", [(V * np.nan, F), None, (V, F[:0])])
 def test_an_error_of_one_of_many_says_of_which(workers, bad):
-    found = spectra([SPHERE, SPHERE, bad, SPHERE], k=4, workers=workers)
+    found = spectra([SPHERE, SPHERE, bad, SPHERE], k=4, workers=workers, repair=True)
     assert len([next(found), next(found)]) == 2
-    with pytest.raises(ValueError, match=r"NaN|no mesh") as caught:
+    with pytest.raises((ValueError, Refused), match=r"finite|no mesh|no_faces") as caught:
         next(found)
     assert caught.value.__notes__ == ["of mesh 2, counted from 0"]
 

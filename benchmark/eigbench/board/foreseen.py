@@ -9,9 +9,10 @@ from eigbench import results
 from eigbench.board.leaderboard import RESULTS
 from eigbench.errors import EigbenchError
 from eigbench.results.sources import digest
+from eigbench.running.predictor import split
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
-from synthnet.errors import counted
+from synthnet.errors import OutsideError, counted
 
 
 def line(root: Path, labels: Truth, code: Path, seeds: int) -> str:
@@ -24,7 +25,7 @@ def line(root: Path, labels: Truth, code: Path, seeds: int) -> str:
     start = f"{counted(count, 'mesh', 'meshes')} to predict"
     for board in _boards(labels):
         rows = list(_readable(sorted((root / RESULTS / board).glob("*.json"))))
-        own = [(row, f"the row of {code.name}") for row in rows if _made_by(code, row)]
+        own = [(row, f"the row of {code.name}") for row in rows if _is_made_by(code, row)]
         lapy = [(row, "LaPy") for row in rows if row["model"]["name"] == "LaPy"]
         if candidates := [*own, *lapy]:
             row, name = candidates[0]
@@ -34,11 +35,15 @@ def line(root: Path, labels: Truth, code: Path, seeds: int) -> str:
     return f"{start}; no result of them is recorded here: the first batch will show the time"
 
 
-def _made_by(code: Path, row: dict[str, Any]) -> bool:
+def _is_made_by(code: Path, row: dict[str, Any]) -> bool:
     """Return whether a row was made by a file of this name and code."""
-    file = code.with_name(code.name.partition(":")[0])
-    named = row["model"]["sources"].get(file.name)
-    return bool(row["model"]["code"] == code.name and named == digest(file))
+    if row["model"]["code"] != code.name:
+        return False
+    file = split(code)[0].resolve()
+    try:
+        return bool(row["model"]["sources"].get(file.name) == digest(file))
+    except (OSError, OutsideError):
+        return False  # why it cannot be read is said when it is run
 
 
 def _readable(paths: Sequence[Path]) -> Iterator[dict[str, Any]]:

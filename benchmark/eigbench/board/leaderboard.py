@@ -141,21 +141,22 @@ def _check_protocols(rows: Sequence[Submission]) -> None:
         (row.truth.version, row.slug): row for row in rows if row.truth.protocol == "grouped"
     }
     for row in rows:
+        if row.truth.protocol in PROTOCOLS:
+            continue
         base = grouped.get((row.truth.version, row.slug))
-        _check_protocol(row, *((base.result, base.result_path) if base else (None, None)))
+        _check_protocol(row, None if base is None else (base.result_path, base.result))
 
 
-def _check_protocol(row: Submission, base: dict[str, Any] | None, path: Path | None) -> None:
-    """Check a row against the same model's result under ``grouped``, and say where that is."""
-    if row.truth.protocol in PROTOCOLS:
-        return
+def _check_protocol(row: Submission, base: tuple[Path, dict[str, Any]] | None) -> None:
+    """Check a row of a version's own protocol against the same model's result under ``grouped``."""
     if base is None:
         raise ResultError(
             f"{row.result_path}: {row.name} has a result under {row.truth.protocol} and none "
             f"under grouped of {row.truth.version} to compare it with: submit that first"
         )
+    path, grouped = base
     model = row.result["model"]
-    if not untrained(model) and not _of_same_code(model, base["model"]):
+    if not untrained(model) and not _of_same_code(model, grouped["model"]):
         raise ResultError(
             f"{row.result_path} and {path} are of other code, or other weights: "
             "the drop between them would say nothing; evaluate both anew, grouped first"
@@ -407,9 +408,10 @@ def placed(
 def _check_new(row: Submission, root: Path) -> None:
     """Check that a submission may be added, and was timed beside LaPy if its times are shown."""
     check_fit(row)
-    base = root / RESULTS / f"{row.truth.version}-test-grouped" / f"{row.slug}.json"
-    _check_protocol(row, results.read(base) if base.is_file() else None, base)
-    if row.truth.protocol in PROTOCOLS and row.result["cost"].get("reference") is None:
+    if row.truth.protocol not in PROTOCOLS:
+        base = root / RESULTS / f"{row.truth.version}-test-grouped" / f"{row.slug}.json"
+        _check_protocol(row, (base, results.read(base, root)) if base.is_file() else None)
+    elif row.result["cost"].get("reference") is None:
         raise ResultError(
             f"{row.result_path} was not timed beside LaPy: evaluate without --no-reference"
         )

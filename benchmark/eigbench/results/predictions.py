@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictionsError
+from eigbench.scoring import metrics
 from eigbench.scoring.names import MESH
 from eigbench.scoring.truth import Truth
 from synthnet import outside
@@ -107,7 +108,7 @@ def read(path: Path, truth: Truth, below: Path | None = None) -> NDArray[np.floa
     if not len(ids):
         raise PredictionsError(f"{path} has no predictions")
     if values.shape != (len(ids), k):
-        hint = ": leave the zero out" if values.shape == (len(ids), k + 1) else ""
+        hint = ": leave the zero out" if metrics.has_zero(values, len(ids), k) else ""
         raise PredictionsError(
             f"{path} has predictions of shape {values.shape}, it must be ({len(ids)}, {k}){hint}"
         )

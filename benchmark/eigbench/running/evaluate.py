@@ -225,16 +225,12 @@ def _trainings(
     if loaded.trained:
         return trainings, process
     if not untrained(loaded.meta):
-        data = loaded.meta.get("training_data")
+        trained = loaded.meta.get("training_data", "an unknown set")
         raise PredictorError(
-            f"the protocol {truth.protocol} asks for a training of its own, {trainings[0]}, and "
-            f"{path} is {loaded.meta['kind']}, "
-            + (
-                f"trained on {data}: define load(device, seed, training)"
-                if data
-                else "and does not say on what it was trained: define load(device, seed, "
-                'training), or say "training_data": "none" in META'
-            )
+            f"the protocol {truth.protocol} asks for a training of its own, {trainings[0]}, and by "
+            f"its META {path} is {loaded.meta['kind']}, trained on {trained}: define load(device, "
+            'seed, training), or say "kind": "classical" and "training_data": "none" if nothing '
+            "in it was fitted to labels"
         )
     return trainings[:1], process
 

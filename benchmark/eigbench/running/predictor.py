@@ -37,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eigbench.errors import PredictorError
+from eigbench.scoring import metrics
 from eigbench.scoring.names import TARGETS, nameless
 from eigbench.scoring.training import DEFAULT
 from synthnet import outside
@@ -278,7 +279,7 @@ def checked(values: NDArray[Any], count: int, k: int) -> NDArray[np.float64]:
     if values.dtype.kind not in "fiu":
         raise PredictorError(f"the answer has dtype {values.dtype}, it must be real numbers")
     if values.shape != (count, k):
-        hint = ": leave the zero out" if values.shape == (count, k + 1) else ""
+        hint = ": leave the zero out" if metrics.has_zero(values, count, k) else ""
         raise PredictorError(
             f"the answer has shape {values.shape}, it must be ({count}, {k}){hint}"
         )

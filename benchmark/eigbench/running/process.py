@@ -8,7 +8,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn, Self
@@ -38,30 +38,27 @@ CLEARING, SPINNING = 0.02, 0.25  # seconds; the second of each further thread
 GRACE = 5.0  # seconds in which a process ends that has closed its connection
 REFUSALS = ("FileNotFoundError", "PermissionError", "Errno", "is not installed")
 REFUSED = (
-    " (the sandbox shows the predictor's own files and no network: --readable PATH shows more, "
-    "--no-sandbox runs without)"
+    " (the sandbox shows the predictor's own files and no network, and lets it write below $TMPDIR "
+    "alone: --readable PATH shows more, --no-sandbox runs without)"
 )
 REFERENCE_FILE = Path(__file__).with_name("reference.py")  # LaPy, timed beside each predictor
 
 
-def refused(message: str, code: Path) -> str:
+def refused(message: str, code: Path, shows: Callable[[Path], bool]) -> str:
     """Return what to do about an error of a predictor's ``code`` that its sandbox may have made.
 
-    Examples
-    --------
-    >>> refused("[Errno 30] Read-only file system: 'cache.txt'", Path("model.py"))
-    ' (in the sandbox it may write below $TMPDIR alone)'
+    ``shows`` says whether a path can be read there.
     """
-    if "Read-only file system" in message:
-        return " (in the sandbox it may write below $TMPDIR alone)"
-    for name in re.findall(r"'([^'\0]{1,60})'", message):
-        path, shown = code.absolute().parent / name, f"{code.stem}{Path(name).suffix}"
-        hidden = path.parent == code.absolute().parent and path.name != shown
-        if hidden and path.is_file() and not path.is_symlink():
-            return (
-                f" (the sandbox does not show {path.name}: name it {shown}, or add --readable "
-                f"{path})"
-            )
+    folder = code.resolve().parent
+    for name in re.findall(r"'([^'\0]{1,300})'", message):
+        path = Path(os.path.normpath(folder / name))
+        try:
+            hidden = path.parent == folder and path.is_file() and not path.is_symlink()
+        except OSError:  # a name that is too long is no file's
+            continue
+        if hidden and not shows(path):
+            remedy = f"name it {code.stem}.{path.name}, or add --readable {path}"
+            return f" (the sandbox does not show {path.name}: {remedy})"
     return REFUSED
 
 
@@ -322,7 +319,8 @@ class PredictorProcess:
         facts = self._checked(frames.FAILED, body, at)
         message = " ".join(printable(facts["message"]).split())
         if self._box is not None and any(sign in message for sign in REFUSALS):
-            message += refused(message, predictor.split(Path(self.job.path))[0])
+            code, _ = predictor.split(Path(self.job.path))
+            message += refused(message, code, self._box.shows)
         failure = PredictorError(f"{message}, {at}" if at.startswith("on ") else message)
         trace = "\n".join(map(printable, facts["traceback"].splitlines()))
         failure.add_note(f"In the predictor's process:\n{trace}")

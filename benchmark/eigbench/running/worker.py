@@ -28,8 +28,8 @@ LONGEST_TRACE = 100_000  # letters of a traceback; each is up to twelve bytes of
 MOST_ATTEMPTS = 1000
 # What NumPy and dataclasses say to who changes a mesh
 CHANGES = ("read-only", "cannot assign to field 'vertices'", "cannot assign to field 'faces'")
-FRAMEWORKS = ("torch", "jax", "tensorflow")  # that compute on other devices
-SEQUENCE = "'tuple' object has no attribute"
+FRAMEWORKS = ("torch", "jax", "tensorflow", "cupy", "mlx", "paddle")  # of other devices
+OF_ONE = tuple(f"'tuple' object has no attribute '{name}'" for name in ("vertices", "faces"))
 FACTS = ("meta", "parameters", "seeded", "trained")  # of a predictor that is loaded
 WATCHED = {  # Python's audit events, and what they are here
     **dict.fromkeys(("open", "os.listdir", "os.scandir"), "read"),
@@ -69,7 +69,6 @@ def work(descriptor: int) -> None:
             loaded = predictor.load(
                 Path(job.path), device=job.device, seed=job.seed, training=job.training
             )
-            _check_device(job.device)
             facts = {name: getattr(loaded, name) for name in FACTS}
             _tell(channel, frames.LOADED, {**facts, "accelerator": accelerator})
             while True:
@@ -149,18 +148,19 @@ def _answer(loaded: predictor.Predictor, meshes: Sequence[Mesh], job: Job) -> ND
         hint = ""
         if any(text in described for text in CHANGES):
             hint = "; meshes are read-only: copy what you change"
-        elif SEQUENCE in described:
+        elif any(text in described for text in OF_ONE):
             hint = "; predict gets a sequence of meshes, and answers a row for each"
         raise PredictorError(f"the predictor failed: {described}{hint}") from error
+    _check_device(job.device)
     return predictor.checked(answer, len(meshes), job.k)
 
 
 def _check_device(device: str) -> None:
-    """Check that the predictor, which is loaded, can have used a device that PyTorch has not."""
+    """Check that a predictor that has answered can have used a device; of cuda PyTorch says it."""
     kind = device.partition(":")[0]
     if kind not in ("cpu", "cuda") and not any(name in sys.modules for name in FRAMEWORKS):
         raise PredictorError(
-            f"--device {device}: the predictor loads none of {', '.join(FRAMEWORKS)}, so it "
+            f"--device {device}: the predictor has loaded none of {', '.join(FRAMEWORKS)}, so it "
             "computes on the cpu: leave it out"
         )
 

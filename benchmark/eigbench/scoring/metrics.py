@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ Array = NDArray[np.float64]
 
 # Counts changes of the formulas and their intervals; results of other versions are not compared
 METRIC_VERSION = 2
+ZERO = 1e-4  # of the next eigenvalue: what solvers leave of the zero is smaller
 EPSILON = 1e-12  # what RPD adds; the paper says "a small non-zero constant"
 ACCURATE = 20.0  # decibels of PSNR above which the paper calls a prediction accurate
 
@@ -171,3 +173,16 @@ METRICS: dict[str, Metric] = {
 }
 
 MAIN = tuple(key for key in METRICS if key != "psnr")  # the paper's six, which its main table has
+
+
+def has_zero(values: NDArray[Any], count: int, k: int) -> bool:
+    """Return whether these are k eigenvalues after a zero, a row for each of so many meshes.
+
+    Examples
+    --------
+    >>> has_zero(np.array([[1e-15, 2.0, 2.0]]), 1, 2), has_zero(np.array([[2.0, 2.0, 6.0]]), 1, 2)
+    (True, False)
+    """
+    if values.shape != (count, k + 1) or not np.isfinite(values[:, :2]).all():
+        return False
+    return bool((np.abs(values[:, 0]) < ZERO * np.abs(values[:, 1])).all())

@@ -118,8 +118,8 @@ def test_what_is_not_trained_is_run_once_and_a_model_trained_for_itself_refused(
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["seed-0"]
     code = predictor_file(UNTRAINED.replace("KIND", "learned"))
     message = (
-        "the protocol grouped asks for a training of its own, 1.0-mini/1.* is learned, and does not"
-        " say on what it was trained: define load.*, or say .training_data.: .none. in META"
+        "the protocol grouped asks for a training of its own, 1.0-mini/1.* is learned, trained on "
+        "an unknown set: define load.*, or say .kind.: .classical. and .training_data.: .none. if"
     )
     with pytest.raises(PredictorError, match=message):
         evaluate(code, labels, mini_meshes, Options(), tmp_path / "b")

@@ -285,7 +285,9 @@ def test_check_finds_what_a_board_does_not_take_or_no_spectrum_does(
     ("answer", "hint"),
     [
         ("meshes.vertices", "; predict gets a sequence of meshes, and answers a row for each"),
-        ("np.ones((len(meshes), 11))", ", it must be (133, 10): leave the zero out"),
+        ("np.ones((len(meshes), 11))", ", it must be (133, 10), on the batch"),
+        ("np.arange(11) * np.ones((len(meshes), 1))", "must be (133, 10): leave the zero out, on"),
+        ("(meshes[0].vertices, 0).detach()", "'tuple' object has no attribute 'detach' ("),
         ("{}", "an array of shape (B, k): k eigenvalues for each of B meshes"),
     ],
 )
@@ -311,12 +313,12 @@ def test_check_tells_random_answers_from_those_that_depend_on_the_batch(eigbench
 def test_weights_that_the_sandbox_hides_are_said_to_be_there(refused, predictor_file):
     path = predictor_file(
         "import numpy as np\nfrom pathlib import Path\n"
-        "w = np.load(Path(__file__).with_name('w.npy'))\ndef predict(meshes): ...\n"
+        "path = Path(__file__).with_name('w.npy')\nw = np.load(path)\ndef predict(meshes): ...\n"
     )
     hidden = path.with_name("w.npy")
     np.save(hidden, np.ones(3))
     err = refused("check", path)
-    hint = f"does not show w.npy: name it {path.stem}.npy, or add --readable {hidden})"
+    hint = f"does not show w.npy: name it {path.stem}.w.npy, or add --readable {hidden})"
     assert hint in err.splitlines()[-1]
 
 

@@ -111,6 +111,10 @@ WRONG = {
     "too few eigenvalues": (lambda ids, v: (ids, v[:, :9]), r"shape \(20, 9\)|lambda_10"),
     "too many eigenvalues": (
         lambda ids, v: (ids, np.hstack([v, v[:, :1]])),
+        r"shape \(20, 11\), it must be \(20, 10\)$|lambda_11",
+    ),
+    "the zero": (
+        lambda ids, v: (ids, np.hstack([1e-12 * v[:, :1], v])),
         r"shape \(20, 11\), it must be \(20, 10\): leave the zero out|lambda_11",
     ),
 }
@@ -211,13 +215,13 @@ DAMAGED = [
     ("p.csv", other_columns, "cannot be read"),
     ("p.csv", with_mark(";"), "has no column id: separate columns by commas, not by semicolons"),
     ("p.csv", with_mark("\t"), "has no column id: separate columns by commas, not by tabs"),
-    ("p.csv", with_mark("|"), "has no column id: it has id|lambda_1|"),
+    ("p.csv", with_mark("|"), "has no column id: it has 'id|lambda_1|"),
     (
         "p.npz",
         lambda path, ids, v: np.savez(path, ids=np.array(ids, object), eigenvalues=v),
         r"ids\.npy has dtype object: .* or text, as \.astype\(str\) makes",
     ),
-    ("p.csv", lambda path, ids, v: path.touch(), "has no column id: it is empty"),
+    ("p.csv", lambda path, ids, v: path.touch(), "has no column id: its first line is empty"),
     ("p.parquet", no_rows, "has no predictions"),
     ("p.parquet", cells(lambda v: [*v[:3], [1.0] * 5, *v[4:]]), "{3} has 5 eigenvalues, there are"),
     ("p.parquet", cells(lambda v: [*v[:3], None, *v[4:]]), "{3} has 0 eigenvalues, there are 10"),

@@ -282,7 +282,7 @@ def test_cpu_has_no_accelerator():
 
 
 def test_a_device_of_no_framework_that_the_predictor_loads_is_refused(evaluated, mini_truth):
-    line = r"--device gpu: the predictor loads none of torch, jax, .* on the cpu: leave it out"
+    line = r"--device gpu: the predictor has loaded none of torch, jax, .* on the cpu: leave it out"
     with pytest.raises(PredictorError, match=line):
         evaluated(ONES, mini_truth.head(5), device="gpu")
 
