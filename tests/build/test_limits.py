@@ -283,7 +283,7 @@ def test_show_and_info_say_what_is_there(dataset, printed):
     assert json.loads(printed("show", row.id, "--json", *location))["limit"] is None
     assert "limits" not in printed("show", row.id, *location)
     text = info._say_limits({"labels": 0, "failing": 0}, recipe.Kind.IMPORTED)
-    assert text == "none (meshes alone)"
+    assert text == "none: no import has a known surface"
 
 
 # Verified
