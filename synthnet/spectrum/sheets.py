@@ -19,7 +19,7 @@ from synthnet.types import Mesh
 JOINED = "compute(…, repair=True).mesh has equal corners joined"  # the ends of warnings
 PARTED = "compute(…, repair=True).mesh has them parted"
 COARSE = 0.01  # of an edge: rounding to less moves eigenvalues by a few ten-thousandths
-FEW = 1000  # faces
+FEW = 100  # faces, whose edges say how long edges are
 
 
 def warn_of_sheets(mesh: Mesh, stacklevel: int) -> None:
@@ -56,8 +56,11 @@ def warn_of_sheets(mesh: Mesh, stacklevel: int) -> None:
             f"surface; {PARTED}",
             stacklevel=stacklevel,
         )
-    step, edge = rounded_to(vertices), typical_edge(vertices, faces)
-    if step > COARSE * edge:
+    # The cheap questions first: every mesh is asked
+    with np.errstate(over="ignore", invalid="ignore"):  # no single precision has such a size
+        step = float(np.spacing(np.float32(np.abs(vertices).max())))
+    edge = typical_edge(vertices, faces)
+    if step > COARSE * edge and is_rounded(vertices, step):
         warnings.warn(
             f"coordinates are of single precision, {step:.3g} apart so far from the origin, and "
             f"edges only {edge:.3g} long: the surface is a rounded one; save it in double "
@@ -66,32 +69,31 @@ def warn_of_sheets(mesh: Mesh, stacklevel: int) -> None:
         )
 
 
-def rounded_to(vertices: Floats) -> float:
-    """Return how far apart numbers of single precision are at a mesh that was rounded to them.
+def is_rounded(vertices: Floats, step: float) -> bool:
+    """Return whether coordinates were rounded to single precision, a step apart where largest.
 
-    It is 0 if a coordinate is no such number, or all are multiples of a larger one, as on a grid of
-    integers, which nothing has rounded.
+    They were not if one is no such number, or all are multiples of a larger one, as on a grid of
+    integers.
 
     Examples
     --------
     >>> corners = np.array([[1e6, 0.0, 0.0], [1e6 + 0.5, 0.0, 0.0], [1e6, 1.0, 0.0]])
-    >>> [rounded_to(corners + x) for x in (0.0625, 0.0, 1e-3)]
-    [0.0625, 0.0, 0.0]
+    >>> [is_rounded(corners + x, 0.0625) for x in (0.0625, 0.0, 1e-3)]
+    [True, False, False]
     """
-    with np.errstate(over="ignore"):
-        if not len(vertices) or not (vertices.astype(np.float32) == vertices).all():
-            return 0.0
+    if not (vertices.astype(np.float32) == vertices).all():
+        return False
     size = np.abs(vertices)
-    step = float(np.spacing(np.float32(size.max())))
     largest = vertices[size >= size.max() / 2]  # they have this step, smaller ones a finer one
-    return step if (largest % (2 * step)).any() else 0.0
+    return bool((largest % (2 * step)).any())
 
 
 def typical_edge(vertices: Floats, faces: Int32s) -> float:
-    """Return the median length of edges, of some thousand faces at most."""
-    some = faces[:: len(faces) // FEW + 1]
-    ends = vertices[some[:, [0, 1, 2]]] - vertices[some[:, [1, 2, 0]]]
-    return float(np.median(np.linalg.norm(ends, axis=2)))
+    """Return the median length of the edges of some faces."""
+    corners = vertices[faces[:: len(faces) // FEW + 1]]
+    ends = corners - corners[:, [1, 2, 0]]
+    squares = np.sort(np.einsum("fcx,fcx->fc", ends, ends), axis=None)
+    return float(np.sqrt(squares[len(squares) // 2]))
 
 
 @kernel
