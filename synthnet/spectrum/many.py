@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import contextmanager
 from functools import partial
-from itertools import count, islice
+from itertools import islice
 from typing import Any
 
 from synthnet.processes import worker_pool
@@ -58,34 +57,32 @@ def spectra(
         raise ValueError(f"workers must be at least 1, got {workers}")
     solve = partial(compute, k=k, operator=operator, repair=repair)
     if workers == 1:
-        for number, mesh in enumerate(meshes):
-            with _numbered(number):
-                found = solve(mesh)
-            yield found
-        return
-    compile_solver()  # once, before all of them would
+        results: Iterator[Callable[[], Spectrum]] = (partial(solve, mesh) for mesh in meshes)
+    else:
+        compile_solver()  # once, before all of them would
+        results = _by_workers(workers, solve, meshes)
+    for number, result in enumerate(results):
+        try:
+            found = result()
+        except BrokenExecutor:
+            raise  # a process has died, of whichever mesh
+        except Exception as error:
+            error.add_note(f"of mesh {number}, counted from 0")
+            raise
+        yield found
+
+
+def _by_workers(
+    workers: int, solve: Callable[[Any], Spectrum], meshes: Iterable[Any]
+) -> Iterator[Callable[[], Spectrum]]:
+    """Yield what waits for each mesh's spectrum; two meshes for each process are read ahead."""
     with worker_pool(workers) as pool:
         futures = _submitted(pool, solve, meshes)
         waiting = deque(islice(futures, 2 * workers))
-        for number in count():
-            if not waiting:
-                return
-            with _numbered(number):
-                found = waiting.popleft().result()
+        while waiting:
+            future = waiting.popleft()
             waiting.extend(islice(futures, 1))
-            yield found
-
-
-@contextmanager
-def _numbered(number: int) -> Iterator[None]:
-    """Add to an error of this block which mesh it is of."""
-    try:
-        yield
-    except BrokenExecutor:
-        raise  # a process has died, of whichever mesh
-    except Exception as error:
-        error.add_note(f"of mesh {number}, counted from 0")
-        raise
+            yield future.result
 
 
 def _submitted(

@@ -15,6 +15,7 @@ import filelock
 from synthnet.errors import BuildError, printable
 
 BUSY = "another build is writing to {where}: wait for it (--wait) or choose another --out"
+LOADED = "$SYNTHNET_HOME or root="  # what chooses the directory of a dataset that is loaded
 NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)  # of file systems without flock
 
 
@@ -22,9 +23,6 @@ def sha256(path: Path) -> str:
     """Return the SHA-256 of a file as hexadecimal digits."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-LOADED = "$SYNTHNET_HOME or root="  # what chooses the directory of a dataset that is loaded
 
 
 def make_directory(path: Path, choose: str = "--out or $SYNTHNET_HOME") -> None:

@@ -374,17 +374,14 @@ def add(row: Submission, root: Path, *, replace: bool = False) -> tuple[Path, Pa
         If another of that name is there and ``replace`` is not given.
     """
     _check_new(row, root)
-    paths = paths_of(row, root)
+    paths = paths_of(root, row.board, row.slug)
     results.put((row.result_path, row.predictions_path), paths, root, replace=replace)
     return paths
 
 
-def paths_of(row: Submission, root: Path) -> tuple[Path, Path]:
-    """Return where a row's result and its predictions are on a board, or would be."""
-    return (
-        root / RESULTS / row.board / f"{row.slug}.json",
-        root / PREDICTIONS / row.board / f"{row.slug}.parquet",
-    )
+def paths_of(root: Path, board: str, slug: str) -> tuple[Path, Path]:
+    """Return where the result and the predictions of a model are on a board, or would be."""
+    return root / RESULTS / board / f"{slug}.json", root / PREDICTIONS / board / f"{slug}.parquet"
 
 
 def placed(
@@ -409,7 +406,7 @@ def _check_new(row: Submission, root: Path) -> None:
     """Check that a submission may be added, and was timed beside LaPy if its times are shown."""
     check_fit(row)
     if row.truth.protocol not in PROTOCOLS:
-        base = root / RESULTS / f"{row.truth.version}-test-grouped" / f"{row.slug}.json"
+        base, _ = paths_of(root, f"{row.truth.version}-test-grouped", row.slug)
         _check_protocol(row, (base, results.read(base, root)) if base.is_file() else None)
     elif row.result["cost"].get("reference") is None:
         raise ResultError(

@@ -93,7 +93,7 @@ def _try(row: Submission, root: Path, options: argparse.Namespace) -> int:
     """Show where a result would stand, beside each target."""
     with Console(stderr=True).status("scoring") as status:
         boards = leaderboard.placed(row, root, lambda other: status.update(f"scoring {other}"))
-    there = leaderboard.paths_of(row, root)[0]
+    there, _ = leaderboard.paths_of(root, row.board, row.slug)
     taken = str(there) if there.is_file() else None
     if options.json:
         targets = {rows[0].submission.target: _place(rows, row) for rows in boards}
