@@ -276,8 +276,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
+    queued = dict.fromkeys(training.config for training in trainings())
     parser.add_argument("--run", action="store_true", help="go on (default: show the queue)")
-    parser.add_argument("--only", nargs="+", metavar="CONFIG", choices=[*PAPER, *SCALE_FREE, *LONG])
+    parser.add_argument("--only", nargs="+", metavar="CONFIG", choices=queued)
     parser.add_argument(
         "--minutes", type=above_zero, default=float("inf"), help="train for so many, then stop"
     )

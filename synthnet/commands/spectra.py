@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 from tabulate import tabulate
 
 from synthnet import terminal
@@ -201,14 +200,15 @@ def _print(
         if answer.spectrum is not None and answer.spectrum.components > 1:
             print(_of_components(answer.file, answer.spectrum.components), file=sys.stderr)
         for message in (*answer.warnings, *filter(None, [answer.problem])):
-            print(f"synthnet: {_printable(answer.file)}: {message}", file=sys.stderr)
+            print(f"synthnet: {_as_utf8(answer.file)}: {message}", file=sys.stderr)
 
 
 def run_certify(options: argparse.Namespace) -> int:
     """Judge an answer: exit code 0 if it is certified, 1 if not."""
     operator = _operator(options)
     answer = read_answer(options.answer, options.mesh, operator)
-    with Reader() as reader, Console(stderr=True).status(f"counting eigenvalues of {options.mesh}"):
+    with Reader() as reader, terminal.at_work() as say:
+        say(f"counting eigenvalues of {options.mesh}")
         try:
             state = _mesh(reader, options.mesh, operator, mended=options.repair)
             with warnings.catch_warnings(record=True) as warned:
@@ -249,12 +249,12 @@ def run_certify(options: argparse.Namespace) -> int:
         if state.repairs:
             print(f"of the mesh as repaired: {_said(state.repairs)}")
     for message in _by_options(warned):
-        print(f"synthnet: {_printable(options.mesh)}: {message}", file=sys.stderr)
+        print(f"synthnet: {_as_utf8(options.mesh)}: {message}", file=sys.stderr)
     return 0 if verdict.certified else 1
 
 
 def _of_components(file: Path, count: int) -> str:
-    name = _printable(file)
+    name = _as_utf8(file)
     return f"synthnet: {name} has {count:,} components, whose zero eigenvalues are left out"
 
 
@@ -365,7 +365,7 @@ def _by_command(message: str) -> str:
     return message
 
 
-def _printable(path: Path | str) -> str:
+def _as_utf8(path: Path | str) -> str:
     """Return a path as UTF-8 has it, with bytes that are none escaped."""
     return str(path).encode("utf-8", "backslashreplace").decode()
 
@@ -404,13 +404,13 @@ def _table(answers: list[Answer], k: int) -> str:
     for answer in answers:
         if answer.spectrum is None:
             rows.append(
-                [_printable(answer.file.name), "", "", *[""] * (shown + (k > shown)), "no spectrum"]
+                [_as_utf8(answer.file.name), "", "", *[""] * (shown + (k > shown)), "no spectrum"]
             )
             continue
         values = [f"{value:.6g}" for value in answer.spectrum.eigenvalues]
         shortened = values if k == shown else [*values[: shown - 1], "…", values[-1]]
         facts = [f"{answer.vertices:,}", str(answer.spectrum.components)]
-        rows.append([_printable(answer.file.name), *facts, *shortened, _said(answer.repairs)])
+        rows.append([_as_utf8(answer.file.name), *facts, *shortened, _said(answer.repairs)])
     names = [f"λ{i}" for i in range(1, shown + 1)]
     names = names if k == shown else [*names[:-1], "", f"λ{k}"]
     headers = ["file", "vertices", "components", *names, "repaired"]
@@ -430,7 +430,7 @@ def _as_csv(answers: list[Answer], k: int, operator: Operator) -> str:
     writer.writerow(["file", "vertices", "components", *values, *names])
     for answer in answers:
         if answer.spectrum is not None:
-            facts = [_printable(answer.file), answer.vertices, answer.spectrum.components]
+            facts = [_as_utf8(answer.file), answer.vertices, answer.spectrum.components]
             values = [repr(value) for value in answer.spectrum.eigenvalues.tolist()]
             writer.writerow([*facts, *values, *names.values()])
     return text.getvalue()
@@ -521,7 +521,7 @@ def _of_mesh(text: str, mesh: Path, path: Path, operator: Operator) -> tuple[int
     file = header.index("file")
     whole = [(line, row) for line, row in rows if len(row) == len(header)]
     named = [(line, row) for line, row in whole if _is_named(row[file], mesh)]
-    mine = [(line, row) for line, row in named if row[file] == _printable(mesh)] or named
+    mine = [(line, row) for line, row in named if row[file] == _as_utf8(mesh)] or named
     if len(mine) != 1:
         which = ": give the path that stands in one of them" if mine else ""
         raise AnswerError(f"{path} has {len(mine)} rows of {mesh.name}, where one is needed{which}")
@@ -539,7 +539,7 @@ def _of_mesh(text: str, mesh: Path, path: Path, operator: Operator) -> tuple[int
 
 def _is_named(cell: str, mesh: Path) -> bool:
     """Return whether the last part of a cell's path is a mesh's name."""
-    return Path(cell.strip(BESIDE)).name == _printable(mesh.name).strip(BESIDE)
+    return Path(cell.strip(BESIDE)).name == _as_utf8(mesh.name).strip(BESIDE)
 
 
 def _numbers(rows: list[tuple[int, list[str]]], path: Path) -> Iterator[float]:

@@ -196,6 +196,13 @@ def test_a_training_that_fails_is_told_and_writes_no_row(directory, short, capfd
     assert not list((directory / "baselines" / "reproduction").iterdir())
 
 
+def test_a_configuration_that_is_not_in_the_queue_is_refused(capsys):
+    with pytest.raises(SystemExit) as ended:
+        queue.main(["--only", "table3-a-5-virtual"])  # as the paper says: only Table 1 is to be run
+    assert ended.value.code == 2
+    assert "'table3-a-5-virtual-scale-free'" in capsys.readouterr().err
+
+
 @pytest.fixture
 def ran(monkeypatch, tmp_path):
     """The commands that a queue would run; what they would leave is as each test says."""
