@@ -18,6 +18,7 @@ from contextlib import contextmanager
 from multiprocessing import connection, resource_tracker
 from multiprocessing.context import SpawnContext, SpawnProcess
 from types import FrameType, ModuleType
+from typing import Any
 
 EXIT_CODE = 130  # by the shell's convention 128 + SIGINT; for SIGTERM too: both are interruptions
 THREADS = "OMP_NUM_THREADS"  # the environment variable
@@ -129,9 +130,23 @@ class _Worker(SpawnProcess):
 
 
 class WorkerContext(SpawnContext):
-    """Spawns worker processes: no fork copies the threads that Open3D and BLAS have."""
+    """Spawns worker processes: no fork copies the threads that Open3D and BLAS have.
 
-    Process = _Worker
+    Attributes
+    ----------
+    started : list of multiprocessing.Process
+        Those it has made.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.started: list[_Worker] = []
+
+    def Process(self, *args: Any, **options: Any) -> _Worker:  # type: ignore[override] # noqa: N802
+        """Return a process that is still to be started."""
+        process = _Worker(*args, **options)
+        self.started.append(process)
+        return process
 
 
 @contextmanager
@@ -139,13 +154,14 @@ def worker_pool(count: int, begin: Callable[[], None] | None = None) -> Iterator
     """Give worker processes that call ``begin`` first; on an error or Ctrl-C they end at once."""
     from concurrent.futures import ProcessPoolExecutor  # which most commands need not load
 
-    others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(count, WorkerContext(), begin)
+    context = WorkerContext()
+    pool = ProcessPoolExecutor(count, context, begin)
     try:
         yield pool
     except BaseException:
-        for process in set(multiprocessing.active_children()) - others:
-            process.terminate()
+        for process in context.started:
+            if process.is_alive():
+                process.terminate()
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)

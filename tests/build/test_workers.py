@@ -82,6 +82,17 @@ def test_threads_that_start_workers_at_once_leave_the_script_in_its_place():
     assert sys.modules["__main__"] is main
 
 
+def test_workers_of_one_pool_outlive_another_s_end():
+    def numbers(count):
+        with processes.worker_pool(1) as pool:
+            yield from (pool.submit(abs, -number).result() for number in range(count))
+
+    one, other = numbers(3), numbers(3)
+    assert next(one) == next(other) == 0
+    one.close()
+    assert list(other) == [1, 2]
+
+
 def test_few_shards_are_submitted_at_a_time(small, tmp_path):
     at_once, most = set(), []
 
