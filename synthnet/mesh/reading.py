@@ -83,6 +83,8 @@ class Reader:
             raise UnreadableError(no_mesh(path.name))
         request = json.dumps([str(path), sha256]).encode()
         for _ in range(2):
+            if self._process is None:
+                self._process, self._channel = self._started()
             try:
                 return self._ask(request)
             except (EOFError, OSError) as error:
@@ -93,8 +95,6 @@ class Reader:
         raise UnreadableError("the process that reads it died twice")
 
     def _ask(self, request: bytes) -> Triangles:
-        if self._process is None:
-            self._begin()
         self._channel.send_bytes(request)
         if not self._channel.poll(self.patience):
             self._end()
@@ -108,13 +108,19 @@ class Reader:
         faces = np.frombuffer(self._channel.recv_bytes(), np.int64)
         return Triangles(vertices.reshape(-1, 3), faces.reshape(-1, 3), answer["clipped"])
 
-    def _begin(self) -> None:
+    def _started(self) -> tuple[multiprocessing.process.BaseProcess, Connection]:
+        """Return a process that has started, and the channel to it."""
         context = WorkerContext()
-        self._channel, other = context.Pipe()
-        arguments = other, self.seconds, self.gigabytes
-        self._process = context.Process(target=_serve, args=arguments, daemon=True)
-        self._process.start()
-        other.close()
+        channel, other = context.Pipe()
+        with other:
+            arguments = other, self.seconds, self.gigabytes
+            process = context.Process(target=_serve, args=arguments, daemon=True)
+            try:
+                process.start()
+            except OSError:  # the machine has no memory or no number left for one
+                channel.close()
+                raise
+        return process, channel
 
     def _end(self) -> int | None:
         """End the process and return its exit code; it may have ended before."""

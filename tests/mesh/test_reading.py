@@ -1,5 +1,6 @@
 """Reading in a process of its own: files that change, processes that die, hang or want too much."""
 
+import errno
 import os
 import random
 import resource
@@ -95,15 +96,29 @@ def test_process_that_died_before_is_no_file_s_fault(sphere):
 
 
 def test_file_of_which_two_processes_die_is_refused(sphere, monkeypatch):
-    begin = Reader._begin
+    start = Reader._started
 
     def doomed(self):
-        begin(self)
-        os.kill(self._process.pid, signal.SIGKILL)
+        process, channel = start(self)
+        os.kill(process.pid, signal.SIGKILL)
+        return process, channel
 
     with Reader() as reader, monkeypatch.context() as patched:
-        patched.setattr(Reader, "_begin", doomed)
+        patched.setattr(Reader, "_started", doomed)
         with pytest.raises(UnreadableError, match="the process that reads it died twice"):
+            reader.read(sphere)
+        patched.undo()
+        assert len(reader.read(sphere).faces) == 80
+
+
+@pytest.mark.parametrize("call", ["Pipe", "Process"])
+def test_machine_without_room_for_a_process_is_no_file_s_fault(call, sphere, monkeypatch):
+    def no_room(*_, **__):
+        raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+    with Reader() as reader, monkeypatch.context() as patched:
+        patched.setattr(reading.WorkerContext, call, no_room)
+        with pytest.raises(OSError, match=os.strerror(errno.EAGAIN)):
             reader.read(sphere)
         patched.undo()
         assert len(reader.read(sphere).faces) == 80
