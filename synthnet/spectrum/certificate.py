@@ -42,17 +42,30 @@ class Candidate:
         The largest relative residual of a pair; see :func:`largest_residual`.
     gap : tuple of float
         The last eigenvalue below the gap, and a lower bound of the first above it.
+    floor : float
+        The residual of a smaller value is relative to this; see :func:`near_zero`.
     """
 
     values: Floats
     vectors: Floats
     residual: float
     gap: tuple[float, float]
+    floor: float = 0.0
 
     @property
     def middle(self) -> float:
         """The middle of the gap, where eigenvalues are counted."""
         return sum(self.gap) / 2
+
+    @property
+    def reach(self) -> float:
+        """How far from the values eigenvalues may be, in 1/length².
+
+        As many different ones as there are B-orthonormal vectors are within the norm of all their
+        residuals together, which is at most the root of their number times the largest (Kahan).
+        """
+        largest = self.residual * max(float(self.values[-1]), self.floor)
+        return float(np.sqrt(len(self.values))) * largest
 
 
 def inertia(matrices: Matrices, ordering: Ordering, shift: float) -> Factor:
@@ -125,10 +138,7 @@ def certify(candidate: Candidate, counted: Factor, zeros: int = 1) -> Certificat
         raise CertificateError(
             f"{counted.negative} eigenvalues are below {shift:g}, but {pairs + zeros} were found"
         )
-    # B-orthonormal vectors have as many different eigenvalues within the norm of all their
-    # residuals together, which is at most the root of their number times the largest (Kahan).
-    together = np.sqrt(pairs) * candidate.residual
-    if not candidate.values[-1] * (1 + together) < shift:
+    if not candidate.values[-1] + candidate.reach < shift:
         raise CertificateError(
             f"an eigenvalue of residual {candidate.residual:.2g} may be above {shift:g}"
         )
@@ -156,5 +166,9 @@ def largest_residual(matrices: Matrices, defects: Floats, values: Floats) -> flo
         The λ, in 1/length².
     """
     bounds = np.sqrt(1 / matrices.least) * np.sqrt(np.square(defects) @ (1 / matrices.lumped))
-    floor = NEAR_ZERO * 4 * np.pi * len(values) / matrices.lumped.sum()
-    return float(np.max(bounds / np.maximum(values, floor)))
+    return float(np.max(bounds / np.maximum(values, near_zero(matrices, len(values)))))
+
+
+def near_zero(matrices: Matrices, count: int) -> float:
+    """Return :data:`NEAR_ZERO` of Weyl's value of an index, in 1/length²."""
+    return NEAR_ZERO * 4 * float(np.pi) * count / float(matrices.lumped.sum())

@@ -32,8 +32,8 @@ class Factor:
         Rows of Lᵀ, front by front; empty if only the pivots are kept.
     uncertainty : float
         An estimate of how far rounding moves the eigenvalues, in their unit: the largest
-        diagonal entry of ``M⁻¹ |L| |D| |Lᵀ|``, M a quarter of the lumped mass (below B), times
-        the rounding unit. No bound: the norm of that matrix is a few times larger.
+        diagonal entry of ``(cM)⁻¹ |L| |D| |Lᵀ|``, with the lumped mass M and B ≥ cM, times the
+        rounding unit. No bound: the norm of that matrix is a few times larger.
     """
 
     pivots: Floats
@@ -80,7 +80,7 @@ def factorise(
 
     size = sum(in_turn(work, ordering))
     largest = float(np.max(size / matrices.lumped[ordering.order]))
-    return Factor(pivots, panels, 4 * float(np.finfo(np.float64).eps) * largest)
+    return Factor(pivots, panels, float(np.finfo(np.float64).eps) * largest / matrices.least)
 
 
 @kernel

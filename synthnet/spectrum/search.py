@@ -8,7 +8,13 @@ from scipy import linalg
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
 from synthnet.spectrum.arrays import Booleans, Floats
-from synthnet.spectrum.certificate import NEAR_ZERO, Candidate, count_in_gap, largest_residual
+from synthnet.spectrum.certificate import (
+    NEAR_ZERO,
+    Candidate,
+    count_in_gap,
+    largest_residual,
+    near_zero,
+)
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.lanczos import Lanczos, RitzPairs
 from synthnet.spectrum.ldl import Factor, factorise
@@ -145,10 +151,7 @@ def search(
         missing = counted.negative - window.count - len(candidate.values)
         if missing <= 0:
             break
-        more = _find(problem, missing, candidate, seed)
-        if len(more.values) == len(candidate.values):
-            break
-        candidate = more
+        candidate = _find(problem, missing, candidate, seed)
     return candidate, counted
 
 
@@ -280,7 +283,7 @@ def _polished(
         weighted = fem.multiply(matrices, matrices.mass, vectors)
         values, defects = _rayleigh_ritz(matrices, vectors, weighted)
         residual = largest_residual(matrices, defects, values)
-    return Candidate(values, vectors, residual, gap)
+    return Candidate(values, vectors, residual, gap, near_zero(matrices, len(values)))
 
 
 def _rayleigh_ritz(matrices: Matrices, vectors: Floats, weighted: Floats) -> tuple[Floats, Floats]:
@@ -290,7 +293,8 @@ def _rayleigh_ritz(matrices: Matrices, vectors: Floats, weighted: Floats) -> tup
     """
     stiff = fem.multiply(matrices, matrices.stiffness, vectors)
     count, n = vectors.shape
-    parts, none = fem.portions(count, n), np.zeros((count, count))
+    many = count > fem.FEW or n > fem.FINE  # then what a piece needs stays in the cache
+    parts, none = fem.pieces(n) if many else [slice(n)], np.zeros((count, count))
     energies = sum((vectors[:, part] @ stiff[:, part].T for part in parts), none)
     products = sum((vectors[:, part] @ weighted[:, part].T for part in parts), none)
     try:

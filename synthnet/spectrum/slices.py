@@ -63,8 +63,7 @@ def search_in_slices(
         part, counted = search(matrices, ordering, size, setting, window)
         below = matrices.zeros if window is None else window.count
         proof = certify(part, counted, below)
-        together = np.sqrt(len(part.values)) * part.residual
-        if window is not None and not part.values[0] * (1 - together) > window.low:
+        if window is not None and not part.values[0] - part.reach > window.low:
             raise CertificateError(
                 f"an eigenvalue of residual {part.residual:.2g} may be below {window.low:g}"
             )

@@ -237,7 +237,7 @@ def test_small_meshes_go_to_the_dense_solver(columns, rows, k, solver, monkeypat
 @pytest.mark.parametrize("mesh", [rectangle(8, 5), box(3), sphere(20), drawn("torus", 3)])
 def test_both_settings_and_the_dense_solver_agree(mesh):
     expected = reference_eigenvalues(mesh)[1:11]
-    matrices = spectrum.assemble(mesh)
+    matrices = spectrum.discretise(mesh).matrices
     ordering = find_ordering(matrices.indptr, matrices.indices)
     for setting in (solve.NORMAL, solve.STRONGER):
         candidate, certified = solve._certified(matrices, ordering, 10, setting)
@@ -366,7 +366,7 @@ def test_a_certificate_holds_against_all_eigenvalues(family):
 
 def test_the_residual_bounds_the_error_of_a_vector_that_is_no_eigenvector():
     mesh = drawn("cylinder", 3)
-    matrices = spectrum.assemble(mesh)
+    matrices = spectrum.discretise(mesh).matrices
     stiffness, mass = (matrix.toarray() for matrix in spectrum.fem_matrices(mesh))
     values, vectors = linalg.eigh(stiffness, mass)
     rng = np.random.default_rng(0)
@@ -497,6 +497,15 @@ def test_a_residual_that_does_not_prove_the_count_is_refused():
         certificate.certify(pairs, counted)
     fine = dataclasses.replace(pairs, residual=0.1)
     assert certificate.certify(fine, counted).count == 3
+
+
+def test_a_residual_next_to_zero_reaches_as_far_as_what_it_is_relative_to():
+    pairs = dataclasses.replace(TWO_PAIRS, residual=0.2, floor=1.9)
+    counted = Factor(np.array([-1.0, -1, -1, 1]), np.zeros(0), 0.0)
+    low = dataclasses.replace(pairs, values=np.array([0.01, 0.02]), gap=(0.02, 1.0))
+    assert low.reach == pytest.approx(0.2 * np.sqrt(2) * 1.9)  # past the shift, 0.51
+    with pytest.raises(CertificateError, match=r"^an eigenvalue of residual 0.2 may be above 0.51"):
+        certificate.certify(low, counted)
 
 
 def test_a_count_that_rounding_decides_is_refused(monkeypatch):
