@@ -11,6 +11,7 @@ from synthnet.errors import needed_by
 from synthnet.mesh.geometry import corner_edges
 from synthnet.spectrum import Operator, as_mesh, discretise, smallest
 from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.sheets import warn_of_sheets
 from synthnet.types import Mesh
 
 with needed_by("synthnet.adapters.diffusionnet"):
@@ -95,7 +96,9 @@ def compute_operators(
         kind = verts.dtype if isinstance(verts, Tensor) else type(verts).__name__
         raise ValueError(f"verts must be a tensor of float32 or float64, got {kind}")
     mesh = as_mesh((verts, faces))
-    matrices = discretise(mesh, Operator(mass="lumped")).matrices
+    operator = Operator(mass="lumped")
+    matrices = discretise(mesh, operator).matrices
+    warn_of_sheets(mesh, operator.elements, stacklevel=3)
     n = len(matrices.lumped)
     values, vectors = smallest(matrices, k_eig) if k_eig else (np.zeros(0), np.zeros((n, 0)))
     frames = _frames(_normals(mesh) if normals is None else _given(normals, n))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from synthnet.mesh.repair import Repaired
 from synthnet.spectrum import Operator, as_mesh, as_sparse, discretise, smallest
 from synthnet.spectrum.inputs import repaired
+from synthnet.spectrum.sheets import warn_of_sheets
 
 
 class Solver:
@@ -63,6 +64,7 @@ class Solver:
         done = repaired(geometry) if repair else Repaired(as_mesh(geometry))
         self.mesh, self.repairs = done.mesh, done.repairs
         self._matrices = discretise(self.mesh, operator).matrices
+        warn_of_sheets(self.mesh, operator.elements, stacklevel=3)
         self.stiffness, self.mass = as_sparse(self._matrices)
         if lump:
             self.mass.eliminate_zeros()

@@ -25,7 +25,6 @@ from synthnet.spectrum.operators import (
     Discrete,
     Operator,
     as_sparse,
-    assemble,
     discretise,
     fem_matrices,
 )
@@ -39,7 +38,6 @@ __all__ = [
     "Verdict",
     "as_mesh",
     "as_sparse",
-    "assemble",
     "certify",
     "check",
     "compile_solver",

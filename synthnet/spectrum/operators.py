@@ -23,7 +23,6 @@ from synthnet.mesh.geometry import MeshFacts
 from synthnet.spectrum import bending, curved, delaunay, fem
 from synthnet.spectrum.arrays import Booleans, Floats, Int32s, Int64s
 from synthnet.spectrum.fem import Matrices
-from synthnet.spectrum.sheets import warn_of_sheets
 from synthnet.types import Mesh
 
 BOUNDARIES = ("neumann", "dirichlet")
@@ -205,8 +204,6 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     fem.check_used(mesh)
     n = len(mesh.vertices)
     matrices, condition = _assembled(mesh, operator)
-    if operator.elements != "tufted":
-        warn_of_sheets(mesh, stacklevel=5)  # the line that calls compute
     entries = None
     if operator.elements != "linear":
         diagonal = matrices.stiffness[_on_diagonal(matrices.indptr, matrices.indices)]
@@ -214,6 +211,8 @@ def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
     if isinstance(operator.boundary, str) and operator.boundary == "neumann":
         return Discrete(matrices, None, n, condition, entries)
     held = np.concatenate(_held(operator.boundary, mesh))[: len(matrices.lumped)]
+    if not held.any():
+        return Discrete(matrices, None, n, condition, entries)
     if held.all():
         raise ValueError("every unknown is held at zero: nothing is left to solve")
     free = np.flatnonzero(~held)
@@ -238,19 +237,6 @@ def _assembled(mesh: Mesh, operator: Operator) -> tuple[Matrices, float]:
     matrices = curved.quadratic(bending.bend(mesh) if bent else bending.straight(mesh))
     thinnest = 1 / float(MeshFacts(mesh).relative_altitudes.min())  # none is flat: that is refused
     return matrices, thinnest / (curved.FLATTEST if bent else 1.0)
-
-
-def assemble(mesh: Mesh) -> Matrices:
-    """Return the matrices of :func:`fem_matrices` in the form that the solver takes.
-
-    Raises
-    ------
-    ValueError
-        If there are no triangles, a coordinate is not finite, the size has no square in float64, a
-        triangle has no area, or a vertex no triangle.
-    """
-    fem.check_used(mesh)
-    return fem.assemble(*fem.as_arrays(mesh))
 
 
 def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
@@ -294,7 +280,7 @@ def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
     >>> bool(abs(stiffness.sum(axis=0)).max() < 1e-15)  # constants are in its kernel
     True
     """
-    return as_sparse(assemble(mesh))
+    return as_sparse(discretise(mesh).matrices)
 
 
 def as_sparse(matrices: Matrices) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import linalg
 
 from synthnet.errors import SpectrumError
+from synthnet.mesh.repair import Repaired
 from synthnet.processes import keep_freed_memory
 from synthnet.spectrum import components, rounding
 from synthnet.spectrum.arrays import Floats, Int32s
@@ -17,6 +18,7 @@ from synthnet.spectrum.certificate import (
     count_in_gap,
     inertia,
     largest_residual,
+    near_zero,
 )
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.inputs import as_mesh, check_count, repaired
@@ -30,6 +32,7 @@ from synthnet.spectrum.operators import (
 )
 from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.spectrum.search import Setting, search, shift_amid
+from synthnet.spectrum.sheets import warn_of_sheets
 from synthnet.spectrum.slices import LONG, search_in_slices
 from synthnet.types import Certificate, Mesh, Spectrum
 
@@ -163,13 +166,17 @@ def compute(
     check_operator(operator)
     if sharp and operator.elements != "linear":
         raise ValueError(f"sharp is for linear elements, not {operator.elements} ones")
+    mended = Repaired(mesh)
     if repair:
         mended = repaired(mesh)
         operator.check_repairs(mended.repairs)
-        spectrum = unwarned(as_mesh(mended.mesh), k, operator, sharp=sharp)
+        mesh = as_mesh(mended.mesh)
+    keep_freed_memory()
+    discrete = discretise(mesh, operator)
+    warn_of_sheets(mesh, operator.elements, stacklevel=3)
+    spectrum = _of_discrete(mesh, discrete, k, operator, sharp=sharp)
+    if repair:
         spectrum = replace(spectrum, mesh=mended.mesh, repairs=mended.repairs)
-    else:
-        spectrum = unwarned(mesh, k, operator, sharp=sharp)
     _warn_of_rounding(spectrum, SHARP if operator.elements == "linear" and not sharp else REMESH)
     return spectrum
 
@@ -177,7 +184,12 @@ def compute(
 def unwarned(mesh: Mesh, k: int, operator: Operator, *, sharp: bool) -> Spectrum:
     """As :func:`compute`, of arguments that are checked; rounding shows in the bound alone."""
     keep_freed_memory()
-    discrete = discretise(mesh, operator)
+    return _of_discrete(mesh, discretise(mesh, operator), k, operator, sharp=sharp)
+
+
+def _of_discrete(
+    mesh: Mesh, discrete: Discrete, k: int, operator: Operator, *, sharp: bool
+) -> Spectrum:
     unknowns = "unknowns" if operator.on_edges else "vertices"
     candidate, certificate, numbers = _solved(discrete.matrices, k, unknowns)
     vectors = None
@@ -312,16 +324,18 @@ def count_below(mesh: Any, *shifts: float, operator: Operator = PLAIN) -> list[i
         raise ValueError(
             f"shifts must be finite, got {', '.join(f'{shift:g}' for shift in shifts)}"
         )
-    matrices = discretise(as_mesh(mesh), operator).matrices
+    mesh = as_mesh(mesh)
+    matrices = discretise(mesh, operator).matrices
+    warn_of_sheets(mesh, operator.elements, stacklevel=3)
     blocks = list(components.split(matrices, components.components(matrices)[1]))
-    return [sum(_count_below(block, shift) for block in blocks) for shift in shifts]
+    return [sum(_count_in_component(block, shift) for block in blocks) for shift in shifts]
 
 
-def _count_below(block: components.Component, shift: float) -> int:
+def _count_in_component(block: components.Component, shift: float) -> int:
     """Count a component's eigenvalues below a shift; beside it too where rounding moves it far."""
     if shift <= 0:  # none is negative
         return 0
-    count, moved = components.count_below(block, shift, UNMOVED * shift)
+    count, moved = components.count_and_shift_error(block, shift, UNMOVED * shift)
     if moved <= UNMOVED * shift:
         return count
     given = block.matrices, block.ordering
@@ -425,4 +439,5 @@ def _dense(matrices: Matrices, k: int, setting: Setting) -> Candidate:
     high = float(values[last + 1]) if last + 1 < len(values) else 2 * low
     values, rows = values[: last + 1], rows[: last + 1]
     defects = rows @ stiffness - values[:, None] * (rows @ mass)
-    return Candidate(values, rows, largest_residual(matrices, defects, values), (low, high))
+    residual, floor = largest_residual(matrices, defects, values), near_zero(matrices, len(values))
+    return Candidate(values, rows, residual, (low, high), floor)

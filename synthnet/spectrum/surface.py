@@ -82,7 +82,7 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     fem.check_used(mesh)
     patches = bend(mesh)
     linear, stiffness, mass = curved.hierarchical(patches)
-    warn_of_sheets(mesh, stacklevel=3)
+    warn_of_sheets(mesh, "curved", stacklevel=3)
     found = of_matrices(linear, k)
     values = found.eigenvalues
     energies = _edge_energies(patches, stiffness, mass, found.eigenvectors, values)

@@ -20,10 +20,11 @@ from numpy.typing import ArrayLike
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
 from synthnet.spectrum.arrays import Floats, Int64s
-from synthnet.spectrum.components import Component, components, count_below, split
+from synthnet.spectrum.components import Component, components, count_and_shift_error, split
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.inputs import as_array, as_mesh, repaired
 from synthnet.spectrum.operators import PLAIN, Discrete, Operator, check_operator, discretise
+from synthnet.spectrum.sheets import warn_of_sheets
 from synthnet.spectrum.solve import unwarned
 from synthnet.types import Mesh
 
@@ -183,6 +184,7 @@ def certify(
     if not 0 < tolerance <= LOOSEST:
         raise ValueError(f"tolerance must be above 0 and at most {LOOSEST}, got {tolerance:g}")
     discrete = discretise(mesh, operator)
+    warn_of_sheets(mesh, operator.elements, stacklevel=3)
     counter = _Counter(discrete.matrices, tolerance)
     values, order = _answers(eigenvalues, counter)
     below = counter.all_below(_above(values[-1], tolerance))
@@ -294,9 +296,9 @@ class _Counter:
         """Return the count of a component, and how far rounding moved the shift, relative to it."""
         most = self.tolerance * shift / 2
         try:
-            count, moved = count_below(block, shift, most)
+            count, moved = count_and_shift_error(block, shift, most)
         except SpectrumError:  # exactly an eigenvalue
-            count, moved = count_below(block, shift * (1 + ASIDE), most)
+            count, moved = count_and_shift_error(block, shift * (1 + ASIDE), most)
         return count, moved / shift
 
     def all_below(self, value: float) -> int:

@@ -197,6 +197,15 @@ def test_an_operator_that_there_is_not_is_one_line(names, line):
         Operator(**names)
 
 
+def test_a_mask_that_holds_nothing_is_the_free_boundary():
+    mesh = square(6)
+    free = spectrum.compute(mesh, 3)
+    masked = spectrum.compute(mesh, 3, operator=Operator(np.zeros(len(mesh.vertices), bool)))
+    np.testing.assert_array_equal(masked.eigenvalues, free.eigenvalues)
+    assert masked.trivial == free.trivial
+    assert masked.certificate == free.certificate
+
+
 def test_a_mask_is_of_the_vertices_that_are_solved_for():
     """Repairs may give vertices other numbers, so none is made beside a mask."""
     mesh = square(4)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from evidence.operators import square
+from synthnet.adapters.lapy import Solver
 from synthnet.mesh.adjacency import connected
-from synthnet.spectrum import Operator, compute, count_below, sheets, surface_eigenvalues
+from synthnet.spectrum import Operator, certify, compute, count_below, sheets, surface_eigenvalues
 from synthnet.types import Mesh
 from tests.spectrum.meshes import side_by_side, sphere
 
@@ -87,9 +88,19 @@ def test_the_tufted_cover_takes_pinches_and_slits_as_they_are():
         compute(mesh, 3, operator=Operator(elements="tufted"))
 
 
-def test_a_count_says_it_too():
-    with pytest.warns(UserWarning, match="^1 vertex joins sheets"):
-        count_below(PINCHED, 1.0)
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: count_below(PINCHED, 1.0),
+        lambda: certify(PINCHED, [1.0]),
+        lambda: Solver(PINCHED),
+    ],
+)
+def test_other_calls_say_it_once_and_where_they_were_made(call):
+    with pytest.warns(UserWarning, match="^1 vertex joins sheets") as caught:
+        call()
+    (warned,) = caught
+    assert warned.filename == __file__
 
 
 def test_a_corner_of_faces_that_share_none_is_no_slit():

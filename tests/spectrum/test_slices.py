@@ -104,7 +104,7 @@ def test_a_slice_that_lacks_a_pair_is_no_answer(monkeypatch, sliced):
         return part, counted
 
     monkeypatch.setattr(slices, "search", lossy)
-    matrices = spectrum.assemble(square(30))
+    matrices = spectrum.discretise(square(30)).matrices
     ordering = solve.find_ordering(matrices.indptr, matrices.indices)
     with pytest.raises(CertificateError, match=r"\d+ eigenvalues are below .*, but \d+ were found"):
         slices.search_in_slices(matrices, ordering, 120, solve.NORMAL)
@@ -122,7 +122,7 @@ def test_a_pair_that_may_be_of_the_slice_before_is_no_answer(monkeypatch, sliced
         return Candidate(values, part.vectors, part.residual, part.gap), counted
 
     monkeypatch.setattr(slices, "search", rough)
-    matrices = spectrum.assemble(bumpy(30, 1))
+    matrices = spectrum.discretise(bumpy(30, 1)).matrices
     ordering = solve.find_ordering(matrices.indptr, matrices.indices)
     with pytest.raises(CertificateError, match=r"an eigenvalue of residual .* may be below"):
         slices.search_in_slices(matrices, ordering, 120, solve.NORMAL)

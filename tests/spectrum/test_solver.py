@@ -259,6 +259,7 @@ def search(mesh, sigma, *, limit=81, **options):
     matrices = matrices_of(mesh)
     ordering = find_ordering(matrices.indptr, matrices.indices)
     factor = ldl.factorise(matrices, ordering, sigma)
+    options = {"known": np.empty((0, len(matrices.lumped)))} | options
     return Lanczos(matrices, ordering, factor, sigma, limit=limit, **options)
 
 
