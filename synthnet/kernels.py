@@ -103,13 +103,13 @@ def _kept_in(path: Path, function: Function) -> Function | None:
     """Return a kernel that Numba keeps in a folder, or ``None`` if it cannot write there."""
     before, config.CACHE_DIR = config.CACHE_DIR, str(path)  # other programs' kernels stay theirs
     try:
-        compiled: Any = njit(cache=True, **SETTINGS)(function)
+        dispatcher: Any = njit(cache=True, **SETTINGS)(function)
     except RuntimeError:  # nor anywhere else
         return None
     finally:
         config.CACHE_DIR = before
-    there = Path(compiled.stats.cache_path).is_relative_to(path)  # Numba's second choice is no good
-    return compiled if there else None
+    there = Path(dispatcher.stats.cache_path).is_relative_to(path)
+    return dispatcher if there else None  # Numba's second choice is no good
 
 
 def kernel(function: Function) -> Function:
@@ -125,10 +125,10 @@ def kernel(function: Function) -> Function:
     function.__qualname__ += f"_{function.__module__.replace('.', '_')}_{stamp(sources)}"
     problem = own(folder())
     if not problem:
-        compiled = _kept_in(folder(), function)
-        if compiled is not None:
+        dispatcher = _kept_in(folder(), function)
+        if dispatcher is not None:
             KEPT[function] = os.environ.get(HOW, "kept from now on")
-            return compiled
+            return dispatcher
         problem = f"{folder()} cannot be written: set NUMBA_CACHE_DIR to a folder that can"
     KEPT[function] = f"anew by every process, as {problem}"
     anew: Function = njit(**SETTINGS)(function)

@@ -152,7 +152,7 @@ def _load_libusb() -> None:
         _loadable(str(path))
 
 
-def _load_stand_in(soname: str, names: list[str], version: str = "") -> None:
+def _load_stand_in(soname: str, names: list[str], version: str) -> None:
     """Build a stand-in library and load it, after which the loader knows its name."""
     fd = os.memfd_create(soname)
     with open(fd, "wb", closefd=False) as file:

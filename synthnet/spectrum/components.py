@@ -96,7 +96,7 @@ def split(matrices: Matrices, numbers: Int32s) -> Iterator[Component]:
         yield Component(order[low:high], block, find_ordering(block.indptr, block.indices))
 
 
-def count_below(block: Component, shift: float, most: float) -> tuple[int, float]:
+def count_and_shift_error(block: Component, shift: float, most: float) -> tuple[int, float]:
     """Return a component's eigenvalues below a shift, and how far rounding moved it, in 1/length².
 
     What is small beside the rest has large eigenvalues, and their rounding errors may be larger

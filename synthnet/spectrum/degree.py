@@ -187,11 +187,11 @@ def _unlink(graph: _Quotient, i: int) -> None:
 
 
 @part
-def _begin_stage(graph: _Quotient, lists: Int32s, stage: int, left: int) -> int:
+def _begin_stage(graph: _Quotient, lists: Int32s, bucket: int, left: int) -> int:
     """Give the vertices of a stage a bound of their degree; return the least of these."""
     least = left
-    i = graph.head[stage]
-    graph.head[stage] = -1
+    i = graph.head[bucket]
+    graph.head[bucket] = -1
     while i >= 0:
         after = graph.after[i]
         degree = 0

@@ -54,8 +54,8 @@ class Graph(NamedTuple):
 def dissect(indptr: Int32s, indices: Int32s) -> Int32s:
     """Return the stage at which each vertex of a symmetric pattern is eliminated.
 
-    Stage 0 are the parts, stage 1 the cuts between two parts, and so on; the last stage is the
-    cut between the first two halves.
+    Each part is a stage of its own, from 0. Then come the cuts, those between the smallest parts
+    first; the last stage is the cut between the first two halves.
 
     Parameters
     ----------
@@ -337,7 +337,7 @@ def _descend(
 
 @kernel
 def _stages(indptr: Int32s, indices: Int32s, nodes: Int32s, levels: int) -> Int32s:
-    """Return 0 for a vertex inside a part; for one on a cut, how many levels are cut before.
+    """Return each vertex's stage, as :func:`dissect`, from the part or half it belongs to.
 
     Of the two vertices of an edge between the halves of a part, the one in the first is on the
     cut. So is a vertex that belongs to neither.

@@ -268,14 +268,6 @@ def _add_triangles(
     return flat
 
 
-def portions(functions: int, entries: int) -> list[slice]:
-    """Return parts of all entries: a whole for few functions on few vertices, as of labels.
-
-    Else a product of functions goes a piece at a time, and what it needs stays in the cache.
-    """
-    return pieces(entries) if functions > FEW or entries > FINE else [slice(entries)]
-
-
 def pieces(entries: int) -> list[slice]:
     """Return parts of all entries, each small enough for the cache."""
     return [slice(first, first + PIECE) for first in range(0, entries, PIECE)]

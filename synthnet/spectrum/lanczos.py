@@ -110,14 +110,12 @@ class Lanczos:
         sigma: float,
         *,
         limit: int,
-        known: Floats | None = None,
+        known: Floats,
         strict: bool = False,
         lean: bool = False,
         seed: int = 0,
     ) -> None:
         n = len(matrices.lumped)
-        if known is None:
-            known = np.empty((0, n))
         zeros = matrices.zeros
         self.first = first = zeros + len(known)  # the basis proper begins here
         self.matrices, self.ordering, self.factor, self.sigma = matrices, ordering, factor, sigma

@@ -109,15 +109,15 @@ def _up(ordering: Ordering, panels: Floats, x: Floats, sums: Floats, first: int,
 def _add_apart(ordering: Ordering, columns: Int32s, y: Floats, z: Floats, sums: Floats) -> None:
     """Add y and z to the sums of ascending columns of the fronts that belong to no subtree."""
     portion = ordering.subtrees
-    begin, end, place = 0, 0, 0  # of a front's columns, and where they are in sums
+    begin, end, offset = 0, 0, 0  # of a front's columns, and where they are in sums
     for p in range(columns.shape[0]):
         while columns[p] >= end:
-            place += end - begin
+            offset += end - begin
             front = ordering.portions[portion, 0]
             begin, end = ordering.begin[front], ordering.begin[front + 1]
             portion += 1
-        sums[0, place + columns[p] - begin] += y[p]
-        sums[1, place + columns[p] - begin] += z[p]
+        sums[0, offset + columns[p] - begin] += y[p]
+        sums[1, offset + columns[p] - begin] += z[p]
 
 
 @kernel
