@@ -142,7 +142,7 @@ class WorkerContext(SpawnContext):
         super().__init__()
         self.started: list[_Worker] = []
 
-    def Process(self, *args: Any, **options: Any) -> _Worker:  # type: ignore[override] # noqa: N802
+    def Process(self, *args: Any, **options: Any) -> _Worker:  # type: ignore[override]
         """Return a process that is still to be started."""
         process = _Worker(*args, **options)
         self.started.append(process)
