@@ -74,7 +74,7 @@ def test_numbers_are_written_as_they_are(tmp_path):
 
 @pytest.mark.parametrize("name", MEASUREMENTS)
 def test_every_measurement_has_its_options(name):
-    needed = {"errors": ["1.0"], "limits": ["1.0"], "shapes": ["2.0"], "multilevel": ["real-28"]}
+    needed = {"limits": ["1.0"], "shapes": ["2.0"], "multilevel": ["real-28"]}
     needed |= {"packages": ["meshes"]}
     options = vars(parser().parse_args(["measure", name, *needed.get(name, ())]))
     assert options["out"] is None
