@@ -4,6 +4,7 @@ import filelock
 import pytest
 
 from baselines.gcn import queue, weights
+from tests.baselines.gcn.conftest import set_apart
 
 # What ends their training
 BY_RULE, BY_CLOCK = queue.Training("table1-rpd-scale-free"), queue.Training("table1-rpd")
@@ -21,8 +22,7 @@ def ran(monkeypatch, tmp_path):
     """The commands that a queue would run; what they would leave is as each test says."""
     commands = []
     monkeypatch.setattr(queue, "run", lambda command, expected=(0,): commands.append([*command]))
-    monkeypatch.setattr(queue, "LOADER", tmp_path / "reproduction.py")
-    monkeypatch.setattr(queue, "RESULTS", tmp_path / "results")
+    set_apart(monkeypatch, tmp_path)
     return commands
 
 

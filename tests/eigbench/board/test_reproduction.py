@@ -12,6 +12,7 @@ from baselines.gcn import queue, weights
 from baselines.gcn.configs import CONFIGS, PAPER
 from evidence import __main__ as evidence
 from evidence import reproduction
+from tests.baselines.gcn.conftest import set_apart
 
 ROOT = Path(__file__).parents[3]
 BY_CLOCK = queue.Training("table1-rpd")  # by which its training ends
@@ -23,8 +24,7 @@ def directory(monkeypatch, tmp_path):
     baselines = tmp_path / "baselines"
     shutil.copytree(ROOT / "baselines" / "gcn", baselines / "gcn")
     shutil.copy(ROOT / "baselines" / "reproduction.py", baselines)
-    monkeypatch.setattr(queue, "LOADER", baselines / "reproduction.py")
-    monkeypatch.setattr(queue, "RESULTS", tmp_path / "results")
+    set_apart(monkeypatch, tmp_path)
     monkeypatch.setattr(reproduction, "PAGE", tmp_path / "reproduction.md")
     for cached in (reproduction.read, reproduction.record):
         monkeypatch.setattr(reproduction, cached.__name__, functools.cache(cached.__wrapped__))
