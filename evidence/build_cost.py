@@ -22,6 +22,7 @@ from synthnet import recipe
 from synthnet.build.versions import make_shard
 from synthnet.mesh.open3d import load_open3d
 from synthnet.recipe.plan import ShardPlan, plan_shards
+from synthnet.types import ShapeSpec
 
 CHUNK = 5
 
@@ -61,7 +62,7 @@ def time_chunk(plan: ShardPlan, directory: Path, *, backwards: bool = False) -> 
     (directory / "shards").mkdir(parents=True, exist_ok=True)
     sides = {
         "ours": partial(make_shard, plan, recipe.load("1.0"), directory / plan.file),
-        "plain": partial(plain_loop, plan),
+        "plain": lambda: [plain_label(shape.spec) for shape in plan.shapes],
     }
     return [timed.seconds for timed in in_turn(sides, backwards=backwards).values()]
 
@@ -78,13 +79,12 @@ def row(family: str, chunks: list[tuple[int, float, float]]) -> dict:
     }
 
 
-def plain_loop(plan: ShardPlan) -> None:
-    """Make and solve the meshes of a chunk as one would by hand."""
+def plain_label(spec: ShapeSpec) -> np.ndarray:
+    """Make and solve a mesh as one would by hand."""
     import lapy
 
-    for shape in plan.shapes:
-        vertices, faces = plain_mesh(shape.spec.family, dict(shape.spec.parameters))
-        lapy.Solver(lapy.TriaMesh(vertices, faces)).eigs(11)
+    vertices, faces = plain_mesh(spec.family, dict(spec.parameters))
+    return lapy.Solver(lapy.TriaMesh(vertices, faces)).eigs(11)[0][1:]
 
 
 def plain_mesh(family: str, p: dict) -> tuple[np.ndarray, np.ndarray]:

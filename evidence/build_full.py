@@ -15,7 +15,7 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 import threadpoolctl
 
-from evidence.build_cost import plain_mesh
+from evidence.build_cost import plain_label
 from evidence.timing import progress
 from synthnet import recipe
 from synthnet.build.versions import build
@@ -52,14 +52,11 @@ def measure(*, version: str = "1.0", workers: int = 2) -> dict:
 
 def plain_loop(specs: list[ShapeSpec]) -> tuple[int, int]:
     """Label shapes as one would by hand; return how many were labelled, and how many failed."""
-    import lapy
-
     labels, failed = [], 0
     with threadpoolctl.threadpool_limits(1):
         for spec in specs:
-            vertices, faces = plain_mesh(spec.family, dict(spec.parameters))
             try:
-                labels.append(lapy.Solver(lapy.TriaMesh(vertices, faces)).eigs(11)[0][1:])
+                labels.append(plain_label(spec))
             except (RuntimeError, ValueError, np.linalg.LinAlgError):
                 failed += 1
     return len(labels), failed

@@ -1,7 +1,8 @@
 """The peak memory of builds of growing size: of the build's process and of its largest worker.
 
-Every build is a new process. Peaks are the kernel's own (``VmHWM`` of /proc), in MB; Linux only.
-A run replaces the rows of the same families, share and scale, and leaves the others.
+Every build is a new process with two workers. Peaks are the kernel's own (``VmHWM`` of /proc), in
+MB; Linux only. A run replaces the rows of the same families, share and scale. It keeps the others
+if they were measured on this machine with these packages.
 """
 
 from __future__ import annotations
@@ -21,30 +22,23 @@ SAME = ("families", "scale", "share")
 
 
 def measure(
-    *,
-    version: str = "1.0",
-    families: Sequence[str] = (),
-    share: float = 1.0,
-    scale: Sequence[int] = (1, 4),
-    workers: int = 2,
+    *, families: Sequence[str] = (), share: float = 1.0, scale: Sequence[int] = (1, 4)
 ) -> dict:
     """Build each scale of some or all families, with a share of the recipe's counts."""
-    rows = numbers.read("build-memory")["rows"]
+    rows = numbers.measured_here("build-memory")
     names = ", ".join(families).replace("_", " ") or "all"
     for times in scale:
         sys.stderr.write(f"scale {times}\n")
-        measured = in_new_process(build_once, version, families, share, times, workers)
+        measured = in_new_process(build_once, families, share, times)
         row = {"families": names, "share": share, **measured}
         rows = [old for old in rows if any(old[key] != row[key] for key in SAME)] + [row]
     rows.sort(key=lambda r: (r["families"] != "all", r["families"], r["share"] * r["scale"]))
     return {"rows": rows}
 
 
-def build_once(
-    version: str, families: Sequence[str], share: float, scale: int, workers: int
-) -> dict:
+def build_once(families: Sequence[str], share: float, scale: int) -> dict:
     """Build in this process, and return a row."""
-    base = recipe.load(version)
+    base = recipe.load("1.0")
     chosen = {
         name: dataclasses.replace(family, count=max(1, round(share * family.count)))
         for name, family in base.families.items()
@@ -54,7 +48,7 @@ def build_once(
     if scale > 1:
         measured = recipe.scaled(measured, scale)
     with tempfile.TemporaryDirectory() as home:
-        report = build(measured, root=home, workers=workers)
+        report = build(measured, root=home, workers=2)
         shards = len(report.dataset.manifest.shards)
     largest_worker = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3
     return {

@@ -15,14 +15,13 @@ twelve digits, for triangles with two sides of length 2, as here.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from evidence import DOCS
+from evidence.figures import as_svg, figure_on_nothing
 from synthnet import spectrum
 from synthnet.families import FAMILIES, drum
 from synthnet.mesh.geometry import area, corner_edges
@@ -34,7 +33,6 @@ from synthnet.types import Mesh
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 COUNT = 100  # eigenvalues of each surface of Weyl's law
 
@@ -231,29 +229,6 @@ def draw(data: dict) -> None:
     """Draw the three pictures into docs/pictures."""
     for name, picture in {"weyl": weyl, "drums": drums, "mesh-error": mesh_error}.items():
         write_text(DOCS / "pictures" / f"{name}.svg", picture(data))
-
-
-def as_svg(figure: Figure) -> str:
-    """Return a figure as SVG, its paths with two digits after the point: finer than any screen."""
-    from eigbench.board import figures
-
-    def shortened(path: re.Match) -> str:
-        return re.sub(r"(\.\d\d)\d+", r"\1", path[0])
-
-    return re.sub(r' d="[^"]+"', shortened, figures.as_svg(figure))
-
-
-@contextmanager
-def figure_on_nothing(height: float) -> Iterator[Figure]:
-    """Give a figure without ground, whose text can be read on light and on dark pages."""
-    import matplotlib as mpl
-    from eigbench.board.figures import style
-
-    from synthnet.pictures.draw import ON_NOTHING
-
-    with style() as new_figure:
-        mpl.rcParams.update(ON_NOTHING)
-        yield new_figure(figsize=(8, height))
 
 
 def weyl(data: dict) -> str:

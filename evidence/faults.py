@@ -3,7 +3,7 @@
 A build of 1.0-mini is killed, starved of disk and memory, run twice at once, and its files
 are altered. What is left must be, after another run, the bytes of an undisturbed build, or
 be refused in one line with exit code 2; anything else is wrong. Needs Linux; a small disk needs
-root, which may mount one. Half an hour on two cores. ``--only`` keeps the rows of other faults.
+root, which may mount one. Half an hour on two cores.
 """
 
 import contextlib
@@ -21,7 +21,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
-from evidence import markdown, numbers
+from evidence import markdown
 from evidence.build_process import (
     VERSION,
     Build,
@@ -85,11 +85,8 @@ def measure(*, kills: int = 50, flips: int = 200, seed: int = 0, only: Sequence[
         shards = [name for name in contents(reference) if name.startswith("shards/")]
         if len(plan_shards(recipe.load(VERSION))) != len(shards):
             raise RuntimeError("the undisturbed build lacks shards")
-        chosen = only or faults
-        rows = {name: faults[name](random.Random(f"{seed} {name}")).row() for name in chosen}
-    if only:
-        rows = {row["fault"]: row for row in numbers.read("faults")["rows"]} | rows
-    return {"version": VERSION, "seed": seed, "rows": list(rows.values())}
+        rows = [faults[name](random.Random(f"{seed} {name}")).row() for name in only or faults]
+    return {"version": VERSION, "seed": seed, "rows": rows}
 
 
 def problems(data: dict) -> list[str]:

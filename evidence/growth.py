@@ -10,29 +10,21 @@ from __future__ import annotations
 import statistics
 import sys
 import time
-from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import threadpoolctl
 
-from evidence import DOCS, markdown, solvers
-from evidence.concepts import as_svg, figure_on_nothing
+from evidence import markdown, solvers
+from evidence.figures import drawn, label_axes
 from evidence.timing import in_new_process, peak_mb, progress
 from synthnet import spectrum
 from synthnet.families import FAMILIES
 from synthnet.pictures.palette import BLUE
 from synthnet.processes import THREADS
 from synthnet.spectrum.ordering import LARGE
-from synthnet.store.files import write_text
 from synthnet.types import Mesh
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 STEPS = (1.3, 2.24, 4.08, 7.07, 12.9, 22.4, 40.83)  # a mesh has 600 step² vertices
 TWICE = 100_000  # vertices up to which a solve is repeated
@@ -137,19 +129,3 @@ def draw(data: dict) -> None:
                 axes.loglog(*points, marker="o", color=BLUE, **LOOKS[side], label=name)
             label_axes(axes, "vertices", label)
             axes.legend(frameon=False)
-
-
-@contextmanager
-def drawn(name: str) -> Iterator[Figure]:
-    """Give a figure, and write it to docs/ at the end."""
-    with figure_on_nothing(3.8) as figure:
-        figure.set_layout_engine("constrained")
-        yield figure
-        write_text(DOCS / name, as_svg(figure))
-
-
-def label_axes(axes: Axes, x: str, y: str) -> None:
-    """Name logarithmic axes, with a grid."""
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
-    axes.grid(True, which="both", alpha=0.2)

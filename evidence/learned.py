@@ -49,10 +49,10 @@ def points_table() -> str:
         )
     columns = {
         "row": "{model}",
-        "RPD ↓": "{rpd:.4f}",
-        "PSNR>20 ↑": "{psnr20:.2%}",
+        "RPD ↓, surface": "{rpd:.4f}",
+        "PSNR>20 ↑, surface": "{psnr20:.2%}",
         "speed against LaPy": "{speed:,g} ×",
-        **{f"RPD ↓, {name}": f"{{real[{i}]}}" for i, name in enumerate(SETS)},
+        **{f"RPD ↓, {name}, mesh": f"{{real[{i}]}}" for i, name in enumerate(SETS)},
     }
     return markdown.columns(rows, columns, "lr")
 

@@ -66,6 +66,8 @@ def run(name: str, out: str | None, given: Mapping[str, object]) -> int:
     """
     module = MEASUREMENTS[name]
     options = {key: given[key] for key in inspect.signature(module.measure).parameters}
+    if options.get("only") and out is None:
+        raise ValueError("--only measures a part: give --out FILE, or --out - to write nothing")
     data = module.measure(**options)
     print(as_text(data))
     if out != "-":

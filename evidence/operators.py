@@ -16,7 +16,7 @@ from synthnet.spectrum.operators import MASSES
 from synthnet.types import Mesh
 
 K = 10
-CELLS = (16, 32)  # along the unit square; as many triangles for the other shapes, about
+CELLS = 32  # along the unit square; as many triangles for the other shapes, about
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,24 +122,30 @@ SHAPES = {
 }
 
 
-def measure(*, cells: int = CELLS[1]) -> dict:
+def measure(*, cells: int = CELLS) -> dict:
     """Return the errors of every operator on every shape, on two meshes."""
-    rows = []
-    for name, shape in SHAPES.items():
-        for elements, masses in MASSES.items():
-            for mass in masses:
-                errors, sizes = [], []
-                for count in (cells // 2, cells):
-                    mesh = shape.mesh(count)
-                    operator = Operator(shape.boundary(mesh), mass, elements)
-                    values = spectrum.compute(mesh, K, operator=operator).eigenvalues
-                    errors.append(float(np.abs(values / shape.exact[:K] - 1).max()))
-                    sizes.append(len(mesh.vertices))
-                rows.append(
-                    {"shape": name, "elements": elements, "mass": mass, "vertices": sizes}
-                    | {"errors": errors, "order": float(np.log2(errors[0] / errors[1]))}
-                )
+    rows = [
+        row(name, elements, mass, cells)
+        for name in SHAPES
+        for elements, masses in MASSES.items()
+        for mass in masses
+    ]
     return {"cells": cells, "rows": rows}
+
+
+def row(name: str, elements: str, mass: str, cells: int) -> dict:
+    """Return the errors of an operator on a shape, on two meshes."""
+    shape, errors, sizes = SHAPES[name], [], []
+    for count in (cells // 2, cells):
+        mesh = shape.mesh(count)
+        operator = Operator(shape.boundary(mesh), mass, elements)
+        values = spectrum.compute(mesh, K, operator=operator).eigenvalues
+        errors.append(float(np.abs(values / shape.exact[:K] - 1).max()))
+        sizes.append(len(mesh.vertices))
+    return {
+        **{"shape": name, "elements": elements, "mass": mass, "vertices": sizes},
+        **{"errors": errors, "order": float(np.log2(errors[0] / errors[1]))},
+    }
 
 
 def problems(data: dict) -> list[str]:

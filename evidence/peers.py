@@ -15,7 +15,8 @@ import numpy as np
 import threadpoolctl
 
 from evidence import markdown, solvers
-from evidence.growth import drawn, label_axes, torus
+from evidence.figures import drawn, label_axes
+from evidence.growth import torus
 from evidence.timing import in_new_process, peak_mb, progress
 from synthnet import spectrum
 from synthnet.pictures.palette import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION

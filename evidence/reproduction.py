@@ -1,8 +1,8 @@
 """docs/reproduction.md: the paper's tables and figures beside those of our own trainings.
 
 From benchmark/reproduction (results and predictions, scored anew here), the weights in
-baselines/reproduction (what each row was trained on), docs/data/gcn.json (`make bench`) and
-benchmark/reported. A row whose training has not ended says that it was not run.
+baselines/reproduction (what each row was trained on), docs/data/gcn.json (``measure gcn
+--figure-2``) and benchmark/reported. A row whose training has not ended says that it was not run.
 """
 
 import json

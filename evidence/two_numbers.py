@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from eigbench.scoring import truth
 from eigbench.scoring.metrics import METRICS
-from rich.progress import track
 from scipy import optimize
 
 from evidence import baseline, markdown
+from evidence.timing import progress
 from synthnet import recipe
 from synthnet.recipe import Fold
 from synthnet.recipe.splits import folds, takes
@@ -96,7 +96,7 @@ def measure() -> dict:
         "pair": [pair.a, pair.b],
         "variants": [
             {"variant": name, **errors(variant, limits, held_out)}
-            for name, variant in track(variants.items(), "variants")
+            for name, variant in progress(variants.items(), "variants")
         ],
     }
 

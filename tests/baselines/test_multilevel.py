@@ -8,7 +8,6 @@ from scipy import sparse
 
 from evidence import baseline, numbers
 from evidence import multilevel as variants
-from evidence.blocks import fill
 from evidence.solids import Solid, made
 from synthnet import recipe, spectrum
 from synthnet.families import FAMILIES
@@ -312,8 +311,7 @@ def test_components_are_not_trusted(multilevel):
 # --- page ------------------------------------------------------------------------------
 
 
-def test_page_has_the_tables_that_were_measured():
-    assert fill(["real-shapes/ablation", "real-shapes/large"], check=True) == []
+def test_every_method_was_measured():
     measured = numbers.read("multilevel")
     assert [row["method"] for row in measured["methods"]] == list(variants.methods())
     assert variants.VARIANTS[variants.OURS] == {}

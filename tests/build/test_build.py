@@ -2,12 +2,8 @@
 
 import dataclasses
 import os
-import random
 import re
-import shutil
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 from unittest.mock import Mock
@@ -16,7 +12,7 @@ import numpy as np
 import pytest
 import threadpoolctl
 
-from evidence import build_process
+from evidence.build_process import Build, group, lay_out, shards_written
 from synthnet import recipe, spectrum, store
 from synthnet.build import filters
 from synthnet.build.jobs import keep_or_make
@@ -77,40 +73,18 @@ def test_one_worker_gives_the_same_bytes_as_two(mini_home, tmp_path, command):
 
 
 @pytest.fixture
-def started(environment):
+def started():
     """Start builds in process groups of their own; end what is left of them."""
     builds = []
 
     def start(home):
-        arguments = ["build", "--version", VERSION, "--out", str(home), "--workers", "2"]
-        builds.append(
-            subprocess.Popen(
-                [sys.executable, "-m", "synthnet", *arguments],
-                env=environment,
-                start_new_session=True,
-                # A shell's background job ignores Ctrl-C, and its children would too.
-                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                text=True,
-            )
-        )
+        builds.append(Build(home, "--workers", "2"))
         return builds[-1]
 
     yield start
-    for process in builds:
-        if group(process.pid):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
-
-
-def group(leader):
-    """Command lines of the processes alive in a group, by their number."""
-    return dict(build_process.group(leader))
-
-
-def workers(leader):
-    return [pid for pid, line in group(leader).items() if "spawn_main" in line]
+    for running in builds:
+        running.kill_all()
+        running.wait()
 
 
 def wait_for(what, seconds=60):
@@ -120,13 +94,18 @@ def wait_for(what, seconds=60):
         time.sleep(0.01)
 
 
-def shards(home):
-    return len(list((home / VERSION / "shards").glob("[!.]*.parquet")))
+def wait_for_files(home, count, running):
+    wait_for(lambda: shards_written(home) >= count or running.process.poll() is not None)
+    assert running.process.poll() is None, running.failure()
 
 
-def wait_for_shards(home, count, process):
-    wait_for(lambda: shards(home) >= count or process.poll() is not None)
-    assert process.poll() is None, process.communicate()
+def lay_out_long_ones(home, expected):
+    long = re.compile("split_sphere|inverted_cone")
+    lay_out(home, contents(expected / VERSION), lambda name: not long.search(name))
+
+
+def wait_for_its_end(running):
+    wait_for(lambda: not list(group(running.process.pid)), seconds=30)
 
 
 def finish(home, expected, command):
@@ -141,42 +120,28 @@ def finish(home, expected, command):
 
 @linux
 @pytest.mark.slow
-def test_killed_at_random_points_and_resumed_ends_with_the_same_bytes(
-    mini_home, tmp_path, command, started
-):
-    rng = random.Random(20240726)
-    process = started(tmp_path)
-    time.sleep(rng.uniform(0.5, 3))  # anywhere while it starts
-    process.kill()
-    kills = [shards(tmp_path)]
-    for _ in range(4):
-        process = started(tmp_path)
-        wait_for_shards(tmp_path, kills[-1] + 1, process)
-        time.sleep(rng.uniform(0, 0.5))  # anywhere in the work on the next shards
-        at_work = workers(process.pid)
-        process.kill()
-        assert len(at_work) == 2
-        wait_for(lambda: not group(process.pid), seconds=30)  # noqa: B023  # no worker stays
-        assert process.wait() == -signal.SIGKILL
-        assert not (tmp_path / VERSION / "manifest.json").exists()
-        kills.append(shards(tmp_path))
-    assert kills == sorted(set(kills)), "every run went on from the one before"
-    finish(tmp_path, mini_home, command)
+def test_workers_end_with_a_build_that_is_killed(mini_home, tmp_path, started):
+    lay_out_long_ones(tmp_path, mini_home)
+    running = started(tmp_path)
+    wait_for_files(tmp_path, shards_written(tmp_path) + 1, running)
+    assert len(running.workers()) == 2
+    running.process.kill()
+    wait_for_its_end(running)
+    assert not (tmp_path / VERSION / "manifest.json").exists()
 
 
 @linux
 @pytest.mark.slow
 def test_worker_that_dies_ends_the_build_in_one_line(mini_home, tmp_path, command, started):
-    process = started(tmp_path)
-    wait_for_shards(tmp_path, 2, process)
-    os.kill(workers(process.pid)[0], signal.SIGKILL)
-    _, err = process.communicate(timeout=30)
-    assert process.returncode == 2
-    line = one_line(err)
+    running = started(tmp_path)
+    wait_for_files(tmp_path, 2, running)
+    os.kill(running.workers()[0], signal.SIGKILL)
+    assert running.wait() == 2
+    line = one_line(running.text)
     assert line.startswith("synthnet: a worker process died (out of memory?): finished shards are")
     assert "run the same command again; take fewer --workers" in line
-    wait_for(lambda: not group(process.pid), seconds=30)
-    assert 2 <= shards(tmp_path) < 11
+    wait_for_its_end(running)
+    assert 2 <= shards_written(tmp_path) < 22
     finish(tmp_path, mini_home, command)
 
 
@@ -195,23 +160,19 @@ def test_an_interrupt_ends_the_build_in_one_line(
     when, send, number, mini_home, tmp_path, command, started
 ):
     if when == "workers work":  # the long ones are there already, to save time
-        (tmp_path / VERSION / "shards").mkdir(parents=True)
-        for name in ("split_sphere-0000", "inverted_cone-0000", "inverted_cone-0001"):
-            shard = f"{VERSION}/shards/{name}.parquet"
-            shutil.copy2(mini_home / shard, tmp_path / shard)
-    process = started(tmp_path)
+        lay_out_long_ones(tmp_path, mini_home)
+    running = started(tmp_path)
     if when == "workers start":
-        wait_for(lambda: len(workers(process.pid)) == 2)
+        wait_for(lambda: len(running.workers()) == 2)
         time.sleep(0.3)  # they import their modules
     else:
-        wait_for_shards(tmp_path, 4, process)
-    send(process.pid, number)
-    _, err = process.communicate(timeout=30)
-    assert process.returncode == 130
-    assert one_line(err) == (
+        wait_for_files(tmp_path, shards_written(tmp_path) + 1, running)
+    send(running.process.pid, number)
+    assert running.wait() == 130
+    assert one_line(running.text) == (
         "synthnet: interrupted; finished shards are kept, run the same command to go on"
     )
-    wait_for(lambda: not group(process.pid), seconds=30)
+    wait_for_its_end(running)
     if when == "workers work":
         finish(tmp_path, mini_home, command)
 
@@ -220,16 +181,16 @@ def test_an_interrupt_ends_the_build_in_one_line(
 @pytest.mark.slow
 def test_two_builds_at_once_do_not_mix(tmp_path, command, started):
     first = started(tmp_path)
-    wait_for(lambda: workers(first.pid))
-    os.kill(first.pid, signal.SIGSTOP)  # or it may be done before the second has started
+    wait_for(first.workers)
+    os.kill(first.process.pid, signal.SIGSTOP)  # or it may be done before the second has started
     second = command("build", "--version", VERSION, "--out", tmp_path)
-    os.kill(first.pid, signal.SIGCONT)
+    os.kill(first.process.pid, signal.SIGCONT)
     assert second.returncode == 2
     assert one_line(second.stderr) == (
-        f"synthnet: another build is writing to {tmp_path / VERSION} (process {first.pid}): "
-        "wait for it (--wait) or choose another --out"
+        f"synthnet: another build is writing to {tmp_path / VERSION} (process "
+        f"{first.process.pid}): wait for it (--wait) or choose another --out"
     )
-    assert first.poll() is None
+    assert first.process.poll() is None
 
 
 # Finished, and damaged again

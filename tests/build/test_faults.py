@@ -1,6 +1,5 @@
 """Builds killed, starved and damaged, a few times each; evidence/faults.py does more."""
 
-import dataclasses
 import json
 import random
 import re
@@ -11,13 +10,11 @@ from unittest.mock import Mock
 import pytest
 
 from evidence import faults
-from synthnet import store
 from synthnet.build import versions
 from synthnet.build.versions import build
 from synthnet.build.workers import given
 from synthnet.errors import BuildError
 from synthnet.store import files
-from synthnet.verify.checks import verify_files
 
 VERSION = "1.0-mini"
 SHARD = "shards/torus-0000.parquet"
@@ -55,38 +52,6 @@ def test_harness_notices_what_is_wrong():
     assert faults.difference({"a": b"0", "b": b"2"}, expected) == "differ: a"
     assert faults.difference({**expected, ".x.partial": b""}, expected) == "differ: .x.partial"
     assert faults.difference({"b": b"2"}, expected) == "differ: a"
-
-
-@pytest.mark.slow
-def test_altered_shard_is_mended_by_a_build_though_its_size_is_right(mini_home, mini_copy):
-    path = mini_copy / VERSION / SHARD
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 1
-    path.write_bytes(content)
-    assert build(VERSION, root=mini_copy, workers=1).reused == 10
-    assert path.read_bytes() == (mini_home / VERSION / SHARD).read_bytes()
-
-
-def test_files_alone_are_verified_on_request(mini_copy, run):
-    arguments = ["verify", "--files", "--version", VERSION, "--out", mini_copy]
-    assert run(*arguments)[0] == 0
-    (mini_copy / VERSION / SHARD).write_bytes(b"no Parquet")
-    code, out, _ = run(*arguments, "--json")
-    assert code == 1
-    problems = {c["check"]: c["problems"] for c in json.loads(out)["checks"]}
-    assert list(problems) == ["manifest", "digests", "shards", "limits", "unpacked"]
-    assert SHARD in problems["digests"][0]
-    assert SHARD in problems["shards"][0]
-
-
-def test_files_of_another_recipe_are_noticed(mini_copy):
-    (check, *_) = verify_files(VERSION, root=mini_copy).checks
-    assert (check.name, check.problems) == ("manifest", ())
-    manifest = store.open_dataset(VERSION, mini_copy).manifest
-    other = dataclasses.replace(manifest, drawn={**manifest.drawn, "torus": 41})
-    store.write_manifest(mini_copy / VERSION, other)
-    (check, *_) = verify_files(VERSION, root=mini_copy).checks
-    assert "torus has 40 shapes kept or rejected and 41 drawn" in check.problems[0]
 
 
 @pytest.mark.parametrize("error", [MemoryError(), SystemError("error return without exception")])

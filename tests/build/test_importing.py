@@ -18,6 +18,7 @@ from eigbench.scoring import truth
 
 import synthnet
 from evidence import fuzz_import
+from evidence.thin_meshes import thin
 from synthnet import spectrum, store
 from synthnet.build import filters, importing, label, sources, surfaces
 from synthnet.build.importing import Settings, file_outcomes, import_meshes
@@ -427,21 +428,13 @@ def test_a_largest_component_of_less_than_half_is_said(folder, run_import):
     assert "in 1 of the files (three.ply) the largest component has less than half" in line
 
 
-def strip(aspect):
-    """A strip of needles, turned in space."""
-    x, y = np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 3), indexing="ij")
-    corner = (np.arange(8)[:, None] * 3 + np.arange(2)).ravel()
-    faces = [[corner, corner + 3, corner + 4], [corner, corner + 4, corner + 1]]
-    points = np.stack([x.ravel(), aspect * y.ravel(), 0 * x.ravel()], axis=1)
-    turn = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])[:3, :3]
-    return trimesh.Trimesh(points @ turn.T, np.concatenate(faces, axis=1).T, process=False)
-
-
 def test_thin_meshes_are_labelled_within_the_limit_or_refused_and_verify_agrees(
     scans, root, imported
 ):
     for number in range(7):
-        strip(10.0**-number).export(scans / f"{number}.off", digits=17)
+        strip = thin(10.0**-number, "needles", seed=number)
+        whole = trimesh.Trimesh(strip.vertices, strip.faces, process=False)
+        whole.export(scans / f"{number}.off", digits=17)
     dataset = imported(scans).dataset
     assert {"0.off", "1.off", "2.off", "3.off"} <= {
         str(sample.spec.parameters["file"]) for sample in dataset.samples()

@@ -33,8 +33,8 @@ VERSION = "1.0-mini"
 FAMILY = "split_cone"
 
 
-def record_of(dataset, family=FAMILY):
-    return next(r for r in dataset.manifest.shards if r.family == family)
+def record_of(dataset):
+    return next(r for r in dataset.manifest.shards if r.family == FAMILY)
 
 
 def without(files, folder):

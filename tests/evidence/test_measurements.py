@@ -8,7 +8,7 @@ from itertools import count
 
 import pytest
 
-from evidence import installation, numbers, timing
+from evidence import build_memory, installation, numbers, thin_meshes, timing
 from evidence.__main__ import main, parser
 from evidence.measurements import FILES, MEASUREMENTS, add_options
 
@@ -63,6 +63,33 @@ def test_wrong_numbers_are_named_and_nothing_is_written_on_request(monkeypatch, 
     assert capsys.readouterr().err == "WRONG: torus: eigenvalues differ by 1e-03\n"
 
 
+@pytest.mark.parametrize("name", ["faults", "missed"])
+def test_a_part_does_not_take_the_place_of_the_whole(name, monkeypatch, capsys):
+    monkeypatch.setattr(MEASUREMENTS[name], "measure", lambda *, only=(): {"rows": []})
+    monkeypatch.setattr(numbers, "write", None)
+    assert main(["measure", name, "--only", "some"]) == 2
+    assert "--only measures a part: give --out FILE" in capsys.readouterr().err
+    assert main(["measure", name, "--only", "some", "--out", "-"]) == 0
+
+
+@pytest.mark.parametrize(("here", "scales"), [(True, [1, 4]), (False, [1])])
+def test_rows_are_kept_if_this_machine_measured_them(here, scales, monkeypatch):
+    old = {"families": "all", "share": 1.0, "scale": 4}
+    stored = {"rows": [old], "machine": numbers.machine() if here else {"hardware": "another"}}
+    monkeypatch.setattr(numbers, "read", lambda name: stored)
+    monkeypatch.setattr(build_memory, "in_new_process", lambda *_: {"scale": 1})
+    assert [row["scale"] for row in build_memory.measure(scale=(1,))["rows"]] == scales
+
+
+def test_another_seed_makes_other_strips(monkeypatch):
+    seeds = []
+    monkeypatch.setattr(thin_meshes, "thin", lambda aspect, kind, seed: seeds.append(seed))
+    monkeypatch.setattr(thin_meshes, "judge", lambda mesh: None)
+    for seed in (0, 1):
+        thin_meshes.measure(cases=8, seed=seed)
+    assert seeds == [*range(16)]
+
+
 def test_numbers_are_written_as_they_are(tmp_path):
     data = {"rows": [{"name": "a [1,  2]", "list": [1.5, 2.0]}], "none": []}
     numbers.write(tmp_path / "a.json", data)
@@ -74,7 +101,7 @@ def test_numbers_are_written_as_they_are(tmp_path):
 
 @pytest.mark.parametrize("name", MEASUREMENTS)
 def test_every_measurement_has_its_options(name):
-    needed = {"errors": ["1.0"], "limits": ["1.0"], "shapes": ["2.0"], "multilevel": ["real-28"]}
+    needed = {"limits": ["1.0"], "shapes": ["2.0"], "multilevel": ["real-28"]}
     needed |= {"packages": ["meshes"]}
     options = vars(parser().parse_args(["measure", name, *needed.get(name, ())]))
     assert options["out"] is None

@@ -29,9 +29,9 @@ def drawn(family, count):
         yield draw_shape(resolved, family, index).parameters
 
 
-def of_atlas(family, parameters, k=10):
+def of_atlas(family, parameters):
     atlas = FAMILIES[family].atlas
-    return surface_limits.limit(atlas(**parameters), k)
+    return surface_limits.limit(atlas(**parameters), 10)
 
 
 # --- elements --------------------------------------------------------------------------

@@ -359,8 +359,9 @@ def test_a_fin_is_cut_off_only_if_asked():
     assert area(repaired.mesh) == pytest.approx(6 + np.sqrt(0.5))
 
 
-def klein(n=24, m=12):
+def klein():
     """A Klein bottle as a figure of eight that is turned: it passes through itself on a circle."""
+    n, m = 24, 12
     u, v = np.meshgrid(2 * np.pi * np.arange(n) / n, 2 * np.pi * np.arange(m) / m, indexing="ij")
     r = 3 + np.cos(u / 2) * np.sin(v) - np.sin(u / 2) * np.sin(2 * v)
     z = np.sin(u / 2) * np.sin(v) + np.cos(u / 2) * np.sin(2 * v)

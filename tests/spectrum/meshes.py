@@ -2,6 +2,7 @@
 
 import numpy as np
 import scipy.linalg
+import trimesh
 
 from synthnet import recipe
 from synthnet.families import FAMILIES, PRIMITIVES
@@ -19,6 +20,24 @@ def torus(around, across):
     sizes = {"torus_radius": 1.0, "tube_radius": 0.4}
     steps = {"radial_resolution": around, "tubular_resolution": across}
     return FAMILIES["torus"].generate(sizes | steps)
+
+
+def rectangle(columns, rows, width=1.0, height=1.0):
+    """Flat grid of columns × rows cells, column by column, each cut along the same diagonal."""
+    x, y = np.meshgrid(
+        np.linspace(0, width, columns + 1), np.linspace(0, height, rows + 1), indexing="ij"
+    )
+    low = (np.arange(columns)[:, None] * (rows + 1) + np.arange(rows)).ravel()
+    high = low + rows + 1
+    below, above = np.stack([low, high, high + 1], 1), np.stack([low, high + 1, low + 1], 1)
+    vertices = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    return Mesh(vertices, np.concatenate([below, above]))
+
+
+def ball(subdivisions):
+    """The icosphere: its eigenvalues come in copies of up to five."""
+    made = trimesh.creation.icosphere(subdivisions=subdivisions)
+    return Mesh(np.asarray(made.vertices), np.asarray(made.faces))
 
 
 def tetrahedron(scale=1.0):

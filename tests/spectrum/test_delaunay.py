@@ -14,9 +14,9 @@ from tests.spectrum.meshes import sphere
 INTRINSIC = Operator(elements="delaunay")
 
 
-def wavy(resolution=14):
+def wavy():
     """A closed surface with obtuse triangles: a sphere that is stretched along one axis."""
-    ball = sphere(resolution)
+    ball = sphere(14)
     points = ball.vertices.astype(np.float64)
     points += np.random.default_rng(0).uniform(-0.02, 0.02, points.shape)  # no four on a circle
     return Mesh(points * [6.0, 1.0, 1.0], ball.faces)

@@ -12,21 +12,13 @@ from synthnet.errors import SpectrumError
 from synthnet.spectrum import Operator, solve
 from synthnet.spectrum.ordering import find_ordering
 from synthnet.spectrum.search import shift_amid
-from tests.spectrum.meshes import dense
+from synthnet.types import Mesh
+from tests.spectrum.meshes import ball, dense, rectangle, side_by_side
 
 OCTAHEDRON = (
     np.concatenate([np.eye(3), -np.eye(3)]),
     [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]],
 )
-
-
-def strip(cells, height=1.0, width=1.0):
-    """One row of rectangles, each cut along the same diagonal, as vertices and faces."""
-    x, y = np.divmod(np.arange(2 * cells + 2), 2)
-    low = 2 * np.arange(cells)
-    faces = np.stack([[low, low + 2, low + 3], [low, low + 3, low + 1]]).transpose(2, 0, 1)
-    vertices = np.stack([x * height, y * width, 0.0 * x], axis=1)
-    return vertices, faces.reshape(-1, 3)
 
 
 def first_ones(mesh, k):
@@ -36,7 +28,7 @@ def first_ones(mesh, k):
 @pytest.mark.parametrize("height", [2.0, 3.0])
 @pytest.mark.parametrize("cells", [1, 9, 12, 39])
 def test_a_count_beside_the_middle_of_the_gap(cells, height):
-    mesh = strip(cells, height)
+    mesh = rectangle(cells, 1, width=cells * height)
     answer = spectrum.compute(mesh, cells)  # in the middle of the gap above, a pivot is zero
     np.testing.assert_allclose(answer.eigenvalues, first_ones(mesh, cells), rtol=1e-10)
     assert answer.certificate.count == cells + 1
@@ -71,7 +63,7 @@ def test_a_strip_so_long_that_weyls_law_says_nothing(monkeypatch):
         return certified(matrices, ordering, k, setting)
 
     monkeypatch.setattr(solve, "_certified", counted)
-    answer = spectrum.compute(strip(cells), 40)
+    answer = spectrum.compute(rectangle(cells, 1, width=cells), 40)
     expected = (np.pi * np.arange(1, 41) / cells) ** 2
     np.testing.assert_allclose(answer.eigenvalues, expected, rtol=1e-5)
     assert attempts == [0, 1, 2]  # neither of the usual shifts finds these
@@ -103,44 +95,39 @@ def test_more_than_half_of_all_eigenvalues_are_searched_for(monkeypatch):
     assert answer.certificate.count >= 0.6 * n
 
 
-@pytest.fixture(scope="module")
-def ball():
-    sphere = trimesh.creation.icosphere(subdivisions=1)
-    return np.array(sphere.vertices), np.array(sphere.faces)
-
-
-def test_a_count_that_rounding_may_change_is_refused(ball):
-    vertices, faces = ball
-    thin = vertices * [1, 1e-8, 1e-8], faces
+def test_a_count_that_rounding_may_change_is_refused():
+    mesh = ball(1)
+    thin = mesh.vertices * [1, 1e-8, 1e-8], mesh.faces
     with pytest.raises(SpectrumError, match=r"^rounding moves the shift 2 by up to .* 0 to 2 eig"):
         spectrum.count_below(thin, 2.0)
-    assert spectrum.count_below(ball, 2.0, 3.0, 100.0) == [1, 4, 42]
+    assert spectrum.count_below(mesh, 2.0, 3.0, 100.0) == [1, 4, 42]
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-5, 1e-8])
-def test_eigenvalues_are_counted_in_each_component_by_itself(ball, size):
+def test_eigenvalues_are_counted_in_each_component_by_itself(size):
     """Rounding in the small one's factorisation must not move the large one's counts."""
-    vertices, faces = ball
-    both = np.concatenate([vertices, size * vertices]), np.concatenate([faces, faces + 42])
+    mesh = ball(1)
+    both = side_by_side(mesh, Mesh(size * mesh.vertices, mesh.faces), apart=0.0)
     counts = [2, 8, 84] if size == 1.0 else [2, 5, 43]
     assert spectrum.count_below(both, 2.0, 3.0, 100.0) == counts
 
 
-def test_eigenvalues_that_rounding_has_spoilt_come_with_a_warning(ball):
-    vertices, faces = ball
-    thin = vertices * [1, 1e-8, 1e-8], faces
+def test_eigenvalues_that_rounding_has_spoilt_come_with_a_warning():
+    mesh = ball(1)
+    thin = mesh.vertices * [1, 1e-8, 1e-8], mesh.faces
     with pytest.warns(RuntimeWarning, match=r"rounding on thin triangles may have moved λ1 = "):
         spectrum.compute(thin, 1)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert spectrum.compute(thin, 1, sharp=True).eigenvalues[0] == pytest.approx(4.287856)
-        spectrum.compute(ball, 10)
+        spectrum.compute(mesh, 10)
 
 
 @pytest.mark.parametrize("largest", [18647.0, 1e5, 1e12])
-def test_an_answer_far_too_large_does_not_blur_the_others(ball, largest):
-    true = first_ones(ball, 4)
-    judged = spectrum.certify(ball, [2.0, *true[1:3], largest])
+def test_an_answer_far_too_large_does_not_blur_the_others(largest):
+    mesh = ball(1)
+    true = first_ones(mesh, 4)
+    judged = spectrum.certify(mesh, [2.0, *true[1:3], largest])
     assert [index for index, _ in judged.off] == [1, 4]
     np.testing.assert_allclose([value for _, value in judged.off], true[[0, 3]], rtol=1e-6)
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,13 +14,7 @@ from synthnet.spectrum import Operator, slices, solve
 from synthnet.spectrum.certificate import Candidate
 from synthnet.spectrum.operators import as_sparse, discretise
 from synthnet.types import Mesh
-from tests.spectrum.meshes import dense, side_by_side
-
-
-def ball(subdivisions):
-    """The icosphere: its eigenvalues come in copies of up to five."""
-    sphere = trimesh.creation.icosphere(subdivisions=subdivisions)
-    return Mesh(np.asarray(sphere.vertices), np.asarray(sphere.faces))
+from tests.spectrum.meshes import ball, dense, side_by_side
 
 
 def bumpy(cells, seed):

@@ -31,13 +31,7 @@ def box(subdivisions):
 
 
 def rectangle(columns, rows):
-    """Flat grid of columns × rows cells, each cut along the same diagonal, 0.7 high."""
-    x, y = np.meshgrid(np.linspace(0, 1, columns + 1), np.linspace(0, 0.7, rows + 1))
-    vertices = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-    corner = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()
-    below = np.stack([corner, corner + 1, corner + columns + 2], axis=1)
-    above = np.stack([corner, corner + columns + 2, corner + columns + 1], axis=1)
-    return Mesh(vertices, np.concatenate([below, above]))
+    return meshes.rectangle(columns, rows, height=0.7)
 
 
 def reference_matrices(mesh):

@@ -26,10 +26,10 @@ from synthnet.types import Certificate, Manifest, Mesh, Rejection, Sample, Shape
 REJECTION = Rejection("torus-00007", "torus", "degenerate_face", "20 of 1,200 faces — flat")
 
 
-def write(path, samples, rejections=(), digest="d" * 64):
+def write(path, samples, rejections=()):
     path.parent.mkdir(parents=True, exist_ok=True)
     family = samples[0].spec.family if samples else "torus"
-    return store.write_shard(path, samples, rejections, family=family, recipe_digest=digest)
+    return store.write_shard(path, samples, rejections, family=family, recipe_digest="d" * 64)
 
 
 def exact(sample):

@@ -241,6 +241,18 @@ def test_removed_shard_is_found(shard, failed):
     assert f"{FAMILY}-00000: neither stored nor rejected" in failures["recipe"]
 
 
+def test_files_alone_are_verified_on_request(mini_copy, shard, run):
+    arguments = ["verify", "--files", "--version", VERSION, "--out", mini_copy]
+    assert run(*arguments)[0] == 0
+    shard.write_bytes(b"no Parquet")
+    code, out, _ = run(*arguments, "--json")
+    assert code == 1
+    problems = {c["check"]: c["problems"] for c in json.loads(out)["checks"]}
+    assert list(problems) == ["manifest", "digests", "shards", "limits", "unpacked"]
+    assert SHARD in problems["digests"][0]
+    assert SHARD in problems["shards"][0]
+
+
 # Tampering that covers its tracks: shard and manifest agree
 
 

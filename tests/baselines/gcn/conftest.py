@@ -3,6 +3,7 @@ import pytest
 import torch
 from torch_geometric.data import Data
 
+from baselines.gcn import queue
 from synthnet.types import Mesh
 
 
@@ -18,6 +19,12 @@ def moved(mesh, matrix, scale=1.0):
     """Apply an orthogonal matrix; a reflection turns the faces round, as augmentation does."""
     faces = mesh.faces if np.linalg.det(matrix) > 0 else mesh.faces[:, ::-1]
     return Mesh(scale * mesh.vertices.astype(np.float64) @ matrix.T, faces)
+
+
+def set_apart(monkeypatch, folder):
+    """Let the queue of trainings read and write below a folder."""
+    monkeypatch.setattr(queue, "LOADER", folder / "baselines" / "reproduction.py")
+    monkeypatch.setattr(queue, "RESULTS", folder / "results")
 
 
 @pytest.fixture(autouse=True)

@@ -448,12 +448,6 @@ def test_results_on_two_datasets_cannot_be_compared(refused, weyl, tmp_path):
     assert "cannot be compared: their version is 1.0-mini and 2.0-mini" in err
 
 
-def test_check_of_a_bad_predictor_exits_with_2(refused, predictor_file):
-    err = refused("check", predictor_file("def predict(meshes): return [[1.0]]"))
-    assert err.startswith("eigbench: the answer has shape (1, 1)")
-    assert len(err.splitlines()) == 1
-
-
 @pytest.mark.parametrize(
     ("verb", "out"), [("check", None), ("predict", "p.parquet"), ("evaluate", "r.json")]
 )

