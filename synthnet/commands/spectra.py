@@ -501,7 +501,7 @@ def _are_names(cells: list[str]) -> bool:
     >>> [_are_names([cell]) for cell in ("eigenvalue", "# 5 of them", "2.0D0", "Infinity")]
     [True, True, False, False]
     """
-    words = [cell.split()[0] for cell in cells if cell]
+    words = [cell.split()[0] for cell in cells if cell.strip()]
     named = [word[0].isalpha() and not NUMBER.fullmatch(word) for word in words]
     return bool(words) and (words[0].startswith("#") or all(named))
 
