@@ -88,8 +88,9 @@ def add_missing(dataset: StoredDataset) -> None:
 
     Raise BuildError if the disk is full or cannot be written.
     """
-    if dataset.kind is recipe.Kind.VERSION and not limits.any_there(dataset):
-        resolved = recipe.load(dataset.manifest.version)
+    version, ours = dataset.manifest.version, dataset.kind is recipe.Kind.VERSION
+    if ours and version in recipe.available() and not limits.any_there(dataset):
+        resolved = recipe.load(version)
         known = pinned(resolved)
         if known is not None and dataset.manifest.recipe_digest == resolved.digest:
             add_pinned(dataset.directory, dataset.manifest.shards, known)

@@ -321,11 +321,11 @@ def surface_spectra(dataset: StoredDataset) -> NDArray[np.float32]:
     add_missing(dataset)
     if not limits.any_there(dataset):
         version = dataset.manifest.version
-        remedy = (
-            "imported meshes have no known surface, take target='mesh'"
-            if dataset.kind is recipe.Kind.IMPORTED
-            else f"run `synthnet build {version} --limits`"
-        )
+        remedy = f"run `synthnet build {version} --limits`"
+        if dataset.kind is recipe.Kind.IMPORTED:
+            remedy = "imported meshes have no known surface, take target='mesh'"
+        elif recipe.parse_name(version).version not in recipe.available():
+            remedy = "make them by synthnet.build.limits.build_limits of your recipe"
         raise StoreError(f"{dataset.directory} has no limits of its surfaces: {remedy}")
     return np.array([row.eigenvalues for row in limits.read(dataset)], np.float32)
 

@@ -238,13 +238,14 @@ def _may_have_name(kind: Kind, name: recipe.Name) -> bool:
 
 
 def open_unversioned(name: str, root: str | os.PathLike[str] | None = None) -> StoredDataset | None:
-    """Open a dataset that no recipe of a version makes: an import, or a sealed set.
+    """Open a dataset that no version's recipe makes: an import, a sealed set, or your own recipe's.
 
     Return ``None`` if the name is a version's, built or not, or nothing is there; raise StoreError
     if it is the name of a sealed set that is not there.
     """
-    sealed = recipe.parse_name(name).kind is Kind.SEALED
+    parsed = recipe.parse_name(name)
+    sealed = parsed.kind is Kind.SEALED
     if not sealed and read_manifest(dataset_directory(name, root)) is None:
         return None
     dataset = open_dataset(name, root)
-    return dataset if dataset.kind in (Kind.IMPORTED, Kind.SEALED) else None
+    return dataset if sealed or parsed.version not in recipe.available() else None

@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from eigbench.scoring import metrics
 
+import synthnet
 from synthnet import recipe, store
 from synthnet.build import limits as building
 from synthnet.build import versions
@@ -113,6 +114,17 @@ def test_shards_and_manifest_do_not_depend_on_limits(built, tmp_path, threads, m
     files = contents(tmp_path / "other" / "tiny")
     assert without(files, "limits") == plain
     assert len(files) == len(plain) + 2
+
+
+def test_what_a_recipe_of_ones_own_made_is_opened(built):
+    pyg = pytest.importorskip("synthnet.pyg")
+    pytest.importorskip("datasets")
+    _, home = built
+    split = next(versions.ensure_built("tiny", home).samples()).split
+    shapes = pyg.SynthNet(home, "tiny", split, augment=False)
+    assert shapes.shape_id == synthnet.load_dataset("tiny", split, root=home)["id"][:]
+    with pytest.raises(StoreError, match="make them by synthnet"):
+        pyg.SynthNet(home, "tiny", split, target="surface")
 
 
 def test_a_recipe_of_ones_own_has_no_pins(recipe_1_0, round_shapes):
