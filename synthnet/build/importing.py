@@ -183,6 +183,8 @@ def _check_sources(directories: Inputs, target: Location) -> None:
     for directory in directories:
         if not directory.exists():
             raise MeshImportError(f"{directory} is not there")
+        if not (directory.is_dir() or directory.is_file()):
+            raise MeshImportError(f"{directory} is a pipe or a device: give directories or files")
         resolved = directory.resolve()
         for other, given in seen.items():
             if _overlap(resolved, other):

@@ -583,6 +583,7 @@ def test_no_salt_is_made_for_what_cannot_be_sealed(run, tmp_path):
     where = ["--salt-file", tmp_path / "salt", "--new-salt", "--out", tmp_path]
     assert "--share must be" in only_line(*run("seal", *where, "--share", "2"))
     assert "unknown version" in only_line(*run("seal", *where, "--version", "3.0"))
+    assert "must be at least 1, got 0" in only_line(*run("seal", *where, "--workers", "0"))
     assert list(tmp_path.iterdir()) == []
 
 
