@@ -160,7 +160,7 @@ def _said_of_components(parameters: Mapping[str, Any]) -> str:
 
 def small_parts(dataset: StoredDataset) -> list[str]:
     """Return the files whose largest component has less than :data:`LESS` of the area."""
-    parameters = [sample.spec.parameters for sample in dataset.samples()]
+    parameters = [spec.parameters for spec in dataset.specs()]
     small = [p for p in parameters if float(p.get("largest_share", 1)) < LESS]
     return sorted({str(p["file"]) for p in small})
 

@@ -63,7 +63,7 @@ def candidates(
     """
     stored = store.open_unversioned(version, root)
     if stored is not None:
-        kept = _by_family(sample.spec for sample in stored.samples())
+        kept = _by_family(stored.specs())
         families = (shard.family for shard in stored.manifest.shards)
         shapes = {name: kept.get(name, []) for name in families}
         totals = {name: len(specs) for name, specs in shapes.items()}

@@ -19,9 +19,9 @@ from synthnet.recipe import Kind
 from synthnet.store import storage
 from synthnet.store.imports import OPTIONS, description_of
 from synthnet.store.manifest import read_manifest
-from synthnet.store.shards import read_samples, read_table
+from synthnet.store.shards import read_labels, read_samples, read_table
 from synthnet.store.storage import Location, location
-from synthnet.types import Manifest, Sample
+from synthnet.types import Manifest, Sample, ShapeSpec
 
 
 def home(root: str | os.PathLike[str] | None = None) -> Location:
@@ -72,6 +72,10 @@ class StoredDataset:
         for path in self.paths():
             yield from read_samples(path)
 
+    def specs(self) -> Iterator[ShapeSpec]:
+        """Read the parameters of all shapes, without the meshes."""
+        return (spec for path in self.paths() for spec, _ in read_labels(path))
+
     def find(self, id: str) -> Sample:
         """Return the sample of an id; of an import, also of a file's name.
 
@@ -89,9 +93,8 @@ class StoredDataset:
                 if refused.id == id:
                     raise StoreError(f"{id} was rejected by {refused.reason}: {refused.detail}")
             path = self.directory / shard.file
-            ids = read_table(path, ["id"])["id"].to_pylist()
-            if id in ids:
-                return next(read_samples(path, slice(ids.index(id), ids.index(id) + 1)))
+            if id in read_table(path, ["id"])["id"].to_pylist():
+                return next(sample for sample in read_samples(path) if sample.spec.id == id)
         if family not in self.manifest.drawn and kind_of(Path(id).name) is not None:
             raise StoreError(self.no_file(id))
         if family not in self.manifest.drawn:

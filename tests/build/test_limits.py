@@ -169,7 +169,7 @@ def test_triangulations_of_a_surface_share_its_limit(tmp_path, monkeypatch):
     specs = [draw_shape(recipe.load("2.0"), "ellipsoid", index) for index in range(6)]
     solve = Mock(return_value=Limit(np.arange(1.0, 11), np.ones(10)))
     monkeypatch.setattr(Family, "limit_spectrum", solve)
-    monkeypatch.setattr(building, "labels", lambda _: ((s, np.arange(1.0, 11)) for s in specs))
+    monkeypatch.setattr(store, "read_labels", lambda _: ((s, np.arange(1.0, 11)) for s in specs))
     (tmp_path / limits.DIRECTORY).mkdir()
     record = ShardRecord("shards/ellipsoid-0000.parquet", "ellipsoid", "0" * 64, 1, 6, 1, 1, ())
     building.make_shard(tmp_path, record)
