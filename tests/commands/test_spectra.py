@@ -39,7 +39,7 @@ def test_no_mesh_is_overwritten_by_its_spectrum(run, files):
 
 
 def test_a_place_that_cannot_be_written_is_named_before_the_work(run, files, monkeypatch):
-    monkeypatch.setattr("synthnet.commands.spectra._answer", None)
+    monkeypatch.setattr("synthnet.commands.spectra._result", None)
     line = only_line(*run("spectrum", files[0], "--out", "/proc/nowhere/spectra.csv"))
     assert line.startswith("synthnet: cannot write to /proc/nowhere (")
 
