@@ -117,7 +117,7 @@ def chosen(
     The first is in the middle of them all. A shape that a filter refuses is passed over.
     """
     stored = store.open_unversioned(version, root)
-    limits = None if stored is not None else recipe.load(version).filters
+    thresholds = None if stored is not None else recipe.load(version).filters
     made = 0
     for number in spread(_ranks(among), count):
         if made == count:
@@ -128,8 +128,8 @@ def chosen(
         else:
             family = FAMILIES[spec.family]
             mesh = family.generate(spec.parameters).stored()
-            assert limits is not None
-            if filters.check_mesh(mesh, limits, family.topology(spec.parameters)):
+            assert thresholds is not None
+            if filters.check_mesh(mesh, thresholds, family.topology(spec.parameters)):
                 continue
         made += 1
         yield spec, mesh
