@@ -17,7 +17,7 @@ from synthnet.errors import StoreError, suggestion
 from synthnet.mesh.formats import kind_of
 from synthnet.recipe import Kind
 from synthnet.store import storage
-from synthnet.store.imports import OPTIONS, description_of
+from synthnet.store.imports import IMPORTED, description_of
 from synthnet.store.manifest import read_manifest
 from synthnet.store.shards import read_labels, read_samples, read_table
 from synthnet.store.storage import Location, location
@@ -57,7 +57,7 @@ class StoredDataset:
     @property
     def kind(self) -> Kind:
         """The kind of dataset, by what its manifest says it was made from."""
-        if OPTIONS in self.manifest.recipe:
+        if IMPORTED in self.manifest.recipe:
             return Kind.IMPORTED
         if "sealed" in self.manifest.recipe:
             return Kind.SEALED
