@@ -21,43 +21,45 @@ from synthnet.types import Mesh, Spectrum, Topology
 ROUNDING = OPERATIONS * UNIT
 
 
-def finite(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:
+def finite(facts: MeshFacts, thresholds: FilterSettings, declared: Topology) -> str | None:
     """All coordinates are finite."""
     bad = int(np.count_nonzero(~np.isfinite(facts.mesh.vertices).all(axis=1)))
     return f"{bad} vertices are not finite" if bad else None
 
 
-def degenerate_face(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:
-    """Every triangle has an altitude above ``limits.altitude`` of its longest edge."""
+def degenerate_face(facts: MeshFacts, thresholds: FilterSettings, declared: Topology) -> str | None:
+    """Every triangle has an altitude above ``thresholds.altitude`` of its longest edge."""
     altitudes = facts.relative_altitudes
-    bad = int(np.count_nonzero(altitudes <= limits.altitude))
+    bad = int(np.count_nonzero(altitudes <= thresholds.altitude))
     if not bad:
         return None
     return (
         f"{bad} of {facts.n_faces} faces have altitude / longest edge at most "
-        f"{limits.altitude:g}, the least {altitudes.min():.3g}"
+        f"{thresholds.altitude:g}, the least {altitudes.min():.3g}"
     )
 
 
-def duplicate_face(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:
+def duplicate_face(facts: MeshFacts, thresholds: FilterSettings, declared: Topology) -> str | None:
     """No two triangles have the same three corners."""
     bad = facts.n_duplicate_faces
     return f"{bad} faces repeat another" if bad else None
 
 
-def non_manifold_edge(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:
+def non_manifold_edge(
+    facts: MeshFacts, thresholds: FilterSettings, declared: Topology
+) -> str | None:
     """No edge belongs to more than two triangles."""
     bad = int(np.count_nonzero(facts.edge_valences > 2))
     return f"{bad} edges have more than two faces" if bad else None
 
 
-def components(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:
+def components(facts: MeshFacts, thresholds: FilterSettings, declared: Topology) -> str | None:
     """The mesh is connected, with no vertex left over."""
     count = facts.n_components
     return f"{count} components instead of one" if count != 1 else None
 
 
-def orientation(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:
+def orientation(facts: MeshFacts, thresholds: FilterSettings, declared: Topology) -> str | None:
     """Neighbours turn the same way, and a closed surface encloses a positive volume."""
     if not declared.orientable:
         return None
@@ -69,52 +71,52 @@ def orientation(facts: MeshFacts, limits: FilterSettings, declared: Topology) ->
 
 
 def euler_characteristic(
-    facts: MeshFacts, limits: FilterSettings, declared: Topology
+    facts: MeshFacts, thresholds: FilterSettings, declared: Topology
 ) -> str | None:
     """V − E + F is what the family declares."""
     counted, expected = facts.euler_characteristic, declared.euler_characteristic
     return f"Euler characteristic {counted} instead of {expected}" if counted != expected else None
 
 
-def boundary(facts: MeshFacts, limits: FilterSettings, declared: Topology) -> str | None:
+def boundary(facts: MeshFacts, thresholds: FilterSettings, declared: Topology) -> str | None:
     """The boundary has as many curves as the family declares."""
     counted, expected = facts.n_boundaries, declared.boundaries
     return f"{counted} boundary curves instead of {expected}" if counted != expected else None
 
 
-def non_finite_eigenvalue(spectrum: Spectrum, limits: FilterSettings) -> str | None:
+def non_finite_eigenvalue(spectrum: Spectrum, thresholds: FilterSettings) -> str | None:
     """All eigenvalues are finite."""
     values = np.append(spectrum.eigenvalues, spectrum.trivial)
     bad = int(np.count_nonzero(~np.isfinite(values)))
     return f"{bad} eigenvalues are not finite" if bad else None
 
 
-def non_positive_eigenvalue(spectrum: Spectrum, limits: FilterSettings) -> str | None:
+def non_positive_eigenvalue(spectrum: Spectrum, thresholds: FilterSettings) -> str | None:
     """The first eigenvalue is positive."""
     first = float(spectrum.eigenvalues[0])
     return f"first eigenvalue is {first:.3g}" if first <= 0 else None
 
 
-def trivial_eigenvalue(spectrum: Spectrum, limits: FilterSettings) -> str | None:
+def trivial_eigenvalue(spectrum: Spectrum, thresholds: FilterSettings) -> str | None:
     """The zero eigenvalue is small against the first."""
     ratio = abs(spectrum.trivial) / float(spectrum.eigenvalues[0])
-    if ratio <= limits.trivial:
+    if ratio <= thresholds.trivial:
         return None
-    return f"|lambda_0| / lambda_1 is {ratio:.3g}, above {limits.trivial:g}"
+    return f"|lambda_0| / lambda_1 is {ratio:.3g}, above {thresholds.trivial:g}"
 
 
-def not_ascending(spectrum: Spectrum, limits: FilterSettings) -> str | None:
+def not_ascending(spectrum: Spectrum, thresholds: FilterSettings) -> str | None:
     """The eigenvalues do not decrease."""
     bad = int(np.count_nonzero(np.diff(spectrum.eigenvalues) < 0))
     return f"{bad} eigenvalues are below the one before" if bad else None
 
 
-def residual(spectrum: Spectrum, limits: FilterSettings) -> str | None:
+def residual(spectrum: Spectrum, thresholds: FilterSettings) -> str | None:
     """The eigenpairs satisfy the equation."""
     relative = spectrum.certificate.residual
-    if relative <= limits.residual:
+    if relative <= thresholds.residual:
         return None
-    return f"relative residual is {relative:.3g}, above {limits.residual:g}"
+    return f"relative residual is {relative:.3g}, above {thresholds.residual:g}"
 
 
 def relative_error(spectrum: Spectrum) -> float:
@@ -125,7 +127,7 @@ def relative_error(spectrum: Spectrum) -> float:
     return float(np.max(bounds / spectrum.eigenvalues))
 
 
-def check_error(spectrum: Spectrum, limits: FilterSettings) -> tuple[str, str] | None:
+def check_error(spectrum: Spectrum, thresholds: FilterSettings) -> tuple[str, str] | None:
     """Return name and finding if an eigenvalue may be further off than a residual may be.
 
     Or if one of LaPy's may be, whose rounding is relative to the last eigenvalue: then ``verify``
@@ -133,18 +135,18 @@ def check_error(spectrum: Spectrum, limits: FilterSettings) -> tuple[str, str] |
     """
     error = relative_error(spectrum)
     span = float(spectrum.eigenvalues[-1] / spectrum.eigenvalues[0])
-    if error <= limits.residual < ROUNDING * span:
+    if error <= thresholds.residual < ROUNDING * span:
         return CERTIFICATE, (
             f"the last eigenvalue is {span:.2g} times the first, which another solver would lose "
             "in its rounding: the label could not be verified"
         )
-    if error <= limits.residual:
+    if error <= thresholds.residual:
         return None
     if np.isinf(error):
         return CERTIFICATE, "rounding on thin triangles leaves no bound of the eigenvalues' errors"
     return CERTIFICATE, (
         f"rounding on thin triangles may move an eigenvalue by {error:.2g} of it, more than "
-        f"{limits.residual:g}"
+        f"{thresholds.residual:g}"
     )
 
 
@@ -177,15 +179,17 @@ SPECTRUM_CHECKS: dict[str, Callable[[Spectrum, FilterSettings], str | None]] = {
 }
 
 
-def check_mesh(mesh: Mesh, limits: FilterSettings, declared: Topology) -> tuple[str, str] | None:
+def check_mesh(
+    mesh: Mesh, thresholds: FilterSettings, declared: Topology
+) -> tuple[str, str] | None:
     """Return the name and the finding of the first check a mesh fails, or ``None``.
 
     Parameters
     ----------
     mesh : Mesh
         At the precision it is stored in.
-    limits : FilterSettings
-        The recipe's limits.
+    thresholds : FilterSettings
+        The recipe's thresholds.
     declared : Topology
         What the family declares.
 
@@ -200,14 +204,14 @@ def check_mesh(mesh: Mesh, limits: FilterSettings, declared: Topology) -> tuple[
     """
     facts = MeshFacts(mesh)
     for name, check in MESH_CHECKS.items():
-        if finding := check(facts, limits, declared):
+        if finding := check(facts, thresholds, declared):
             return name, finding
     return None
 
 
-def check_spectrum(spectrum: Spectrum, limits: FilterSettings) -> tuple[str, str] | None:
+def check_spectrum(spectrum: Spectrum, thresholds: FilterSettings) -> tuple[str, str] | None:
     """Return the name and the finding of the first check a spectrum fails, or ``None``."""
     for name, check in SPECTRUM_CHECKS.items():
-        if finding := check(spectrum, limits):
+        if finding := check(spectrum, thresholds):
             return name, finding
     return None

@@ -160,7 +160,7 @@ def _said_of_components(parameters: Mapping[str, Any]) -> str:
 
 def small_parts(dataset: StoredDataset) -> list[str]:
     """Return the files whose largest component has less than :data:`LESS` of the area."""
-    parameters = [sample.spec.parameters for sample in dataset.samples()]
+    parameters = [spec.parameters for spec in dataset.specs()]
     small = [p for p in parameters if float(p.get("largest_share", 1)) < LESS]
     return sorted({str(p["file"]) for p in small})
 
@@ -183,6 +183,8 @@ def _check_sources(directories: Inputs, target: Location) -> None:
     for directory in directories:
         if not directory.exists():
             raise MeshImportError(f"{directory} is not there")
+        if not (directory.is_dir() or directory.is_file()):
+            raise MeshImportError(f"{directory} is a pipe or a device: give directories or files")
         resolved = directory.resolve()
         for other, given in seen.items():
             if _overlap(resolved, other):

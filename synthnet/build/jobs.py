@@ -75,7 +75,7 @@ class BuildReport:
     dataset : StoredDataset
         The finished dataset.
     seconds : mapping of str to float
-        Core-seconds by family of the shards made in this run.
+        Core-seconds by family of the shards made in this run, and of reading those kept.
     wall_seconds : float
         Duration of this run.
     reused : int

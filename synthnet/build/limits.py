@@ -1,12 +1,8 @@
 """The limits of a dataset: looked up where the repository pins them, else computed."""
 
-import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
-
-import numpy as np
-from numpy.typing import NDArray
 
 from synthnet import recipe, store
 from synthnet.build import jobs
@@ -20,7 +16,7 @@ from synthnet.recipe import Recipe
 from synthnet.recipe.plan import plan_shards
 from synthnet.store import StoredDataset, limits, pins, storage
 from synthnet.store.storage import Location
-from synthnet.types import ShapeSpec, ShardRecord
+from synthnet.types import ShardRecord
 
 NONE: Mapping[str, Limit] = {}
 
@@ -88,8 +84,9 @@ def add_missing(dataset: StoredDataset) -> None:
 
     Raise BuildError if the disk is full or cannot be written.
     """
-    if dataset.kind is recipe.Kind.VERSION and not limits.any_there(dataset):
-        resolved = recipe.load(dataset.manifest.version)
+    version, ours = dataset.manifest.version, dataset.kind is recipe.Kind.VERSION
+    if ours and version in recipe.available() and not limits.any_there(dataset):
+        resolved = recipe.load(version)
         known = pinned(resolved)
         if known is not None and dataset.manifest.recipe_digest == resolved.digest:
             add_pinned(dataset.directory, dataset.manifest.shards, known)
@@ -144,7 +141,7 @@ def make_shard(
     """Write the limits of one shard, computed unless known, and return the shard's record."""
     surfaces: dict[str, Limit] = {}  # triangulations of one share its limit
     rows = []
-    for spec, label in labels(directory / record.file):
+    for spec, label in store.read_labels(directory / record.file):
         limit = known.get(spec.id)
         if limit is None:
             family = FAMILIES[spec.family]
@@ -158,11 +155,3 @@ def make_shard(
         rows.append(limits.compare(spec.id, label, limit))
     limits.write(directory, record, rows)
     return record
-
-
-def labels(path: Location) -> Iterator[tuple[ShapeSpec, NDArray[np.float64]]]:
-    """Read shapes and labels of a shard, without the meshes."""
-    columns = ["id", "family", "index", "parameters", "group", "eigenvalues"]
-    for row in store.read_table(path, columns).to_pylist():
-        eigenvalues = np.array(row.pop("eigenvalues"))
-        yield ShapeSpec(**{**row, "parameters": json.loads(row["parameters"])}), eigenvalues

@@ -115,7 +115,7 @@ def count_parts(source: Source, settings: Settings, reader: Reader) -> int:
 
 
 def surface(
-    read: Triangles, settings: Settings, part: int | None = None
+    triangles: Triangles, settings: Settings, part: int | None = None
 ) -> tuple[Mesh, dict[str, float | int | str]]:
     """Return the surface at the precision of the store, and what was done to the triangles.
 
@@ -127,8 +127,8 @@ def surface(
         If it cannot be repaired, or float32 makes a triangle degenerate.
     """
     rules = _rules(settings, part)
-    done = repair.repair(Mesh(read.vertices, read.faces), rules)
-    repairs = {"clipped polygons": read.clipped} if read.clipped else {}
+    done = repair.repair(Mesh(triangles.vertices, triangles.faces), rules)
+    repairs = {"clipped polygons": triangles.clipped} if triangles.clipped else {}
     mesh, scale = repair.centred(done.mesh), 1.0
     if settings.unit_area:
         mesh, scale = repair.unit_area(mesh)

@@ -152,8 +152,8 @@ def _finished(
 def ensure_built(version: str, root: str | os.PathLike[str] | None = None) -> StoredDataset:
     """Open a dataset; build it first, with a notice on standard error, if it is not there.
 
-    The build runs as a command of its own, which shows how far it is. An import or a sealed set is
-    only opened.
+    The build runs as a command of its own, which shows how far it is. An import, a sealed set or
+    what a recipe of your own made is only opened.
 
     Raises
     ------

@@ -59,13 +59,13 @@ def run(options: argparse.Namespace) -> int:
     from synthnet.pictures import gallery as galleries
 
     name = "-".join(filter(None, ("gallery", options.version, options.family)))
-    path: Path = options.png or Path(f"{name}.png")
+    path: Path = options.png or Path(f"{name.replace('/', '-')}.png")  # it may be a file's path
     draw.check_name(path)
-    make_parent(path)
     families = galleries.candidates(options.version, options.family, options.out)
     one_each = options.family is None and len(families) != 1
     if one_each and options.count is not None:
         raise ValueError("--count is for the shapes of one family: name the family")
+    make_parent(path)
     shapes: list[tuple[ShapeSpec, Mesh]] = []
     varying: tuple[str, ...] = ()
     if one_each:

@@ -79,7 +79,7 @@ def workers_options(command: argparse.ArgumentParser, *, other: str) -> None:
 def workers_option(command: argparse.ArgumentParser, text: str) -> None:
     """Add the number of local processes."""
     command.add_argument(
-        "--workers", type=int, metavar="N", help=f"{text} (default: the cores there are)"
+        "--workers", type=at_least(1), metavar="N", help=f"{text} (default: the cores there are)"
     )
 
 

@@ -48,7 +48,7 @@ class OperatorError(SynthNetError):
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class FileSpectrum:
     """The spectrum of a file's mesh, or why it has none."""
 
     file: Path
@@ -156,51 +156,51 @@ def run_spectrum(options: argparse.Namespace) -> int:
     operator = _operator(options)
     if options.out is not None:
         make_parent(options.out)
-    answers: list[Answer] = []
+    results: list[FileSpectrum] = []
     try:
-        answers.extend(_answers(options, operator))
+        results.extend(_results(options, operator))
     except KeyboardInterrupt:  # what is finished is kept, and a whole table of an earlier run
-        if answers:
+        if results:
             out = options.out and options.out.with_suffix(".partial.csv")
-            _finish(answers, options, operator, out)
+            _finish(results, options, operator, out)
         raise
-    _finish(answers, options, operator, options.out)
-    return terminal.WRONG_INPUT if any(answer.problem for answer in answers) else 0
+    _finish(results, options, operator, options.out)
+    return terminal.WRONG_INPUT if any(result.problem for result in results) else 0
 
 
-def _answers(options: argparse.Namespace, operator: Operator) -> Iterator[Answer]:
+def _results(options: argparse.Namespace, operator: Operator) -> Iterator[FileSpectrum]:
     """Yield the spectrum of each file, and show how far it is."""
     with Reader() as reader, terminal.at_work() as say:
         for number, file in enumerate(options.files, start=1):
             say(f"{printable(file.name)} ({number} of {len(options.files)})")
-            yield _answer(reader, file, options.k, operator, mended=options.repair)
+            yield _result(reader, file, options.k, operator, mended=options.repair)
 
 
 def _finish(
-    answers: list[Answer], options: argparse.Namespace, operator: Operator, out: Path | None
+    results: list[FileSpectrum], options: argparse.Namespace, operator: Operator, out: Path | None
 ) -> None:
-    """Write the answers to a file, if one is wanted, and print their table."""
+    """Write the spectra to a file, if one is wanted, and print their table."""
     written = ""
     try:
         if out is not None:
-            write_text(out, _as_csv(answers, options.k, operator))
-            count = f"{len(answers)} of {counted(len(options.files), 'file')}"
+            write_text(out, _as_csv(results, options.k, operator))
+            count = f"{len(results)} of {counted(len(options.files), 'file')}"
             written = f"\n\nwritten to {out}{'' if out == options.out else f': {count}'}"
     finally:  # the work is shown, though the disk may be full
-        _print(answers, options, operator, written)
+        _print(results, options, operator, written)
 
 
 def _print(
-    answers: list[Answer], options: argparse.Namespace, operator: Operator, written: str
+    results: list[FileSpectrum], options: argparse.Namespace, operator: Operator, written: str
 ) -> None:
     """Print the table, and what there is to say of each file."""
-    facts = [_facts(answer, operator) for answer in answers]
-    terminal.print_answer(options, facts, _table(answers, options.k) + written)
-    for answer in answers:
-        if answer.spectrum is not None and answer.spectrum.components > 1:
-            print(_of_components(answer.file, answer.spectrum.components), file=sys.stderr)
-        for message in (*answer.warnings, *filter(None, [answer.problem])):
-            print(f"synthnet: {_as_utf8(answer.file)}: {message}", file=sys.stderr)
+    facts = [_facts(result, operator) for result in results]
+    terminal.print_answer(options, facts, _table(results, options.k) + written)
+    for result in results:
+        if result.spectrum is not None and result.spectrum.components > 1:
+            print(_of_components(result.file, result.spectrum.components), file=sys.stderr)
+        for message in (*result.warnings, *filter(None, [result.problem])):
+            print(f"synthnet: {_as_utf8(result.file)}: {message}", file=sys.stderr)
 
 
 def run_certify(options: argparse.Namespace) -> int:
@@ -322,15 +322,19 @@ def _operator(options: argparse.Namespace) -> Operator:
         raise OperatorError(f"{error}: leave --mass out") from error
 
 
-def _answer(reader: Reader, file: Path, k: int, operator: Operator, *, mended: bool) -> Answer:
+def _result(
+    reader: Reader, file: Path, k: int, operator: Operator, *, mended: bool
+) -> FileSpectrum:
     """Compute a spectrum; whatever keeps it from having one is said."""
     try:
         return _solved(reader, file, k, operator, mended=mended)
     except (UnreadableError, Refused, SpectrumError, MemoryError) as error:
-        return Answer(file, problem=terminal.in_words(error))
+        return FileSpectrum(file, problem=terminal.in_words(error))
 
 
-def _solved(reader: Reader, file: Path, k: int, operator: Operator, *, mended: bool) -> Answer:
+def _solved(
+    reader: Reader, file: Path, k: int, operator: Operator, *, mended: bool
+) -> FileSpectrum:
     """Compute a spectrum, or say what is wrong with k, the mesh or the operator."""
     state = _mesh(reader, file, operator, mended=mended)
     try:
@@ -341,9 +345,9 @@ def _solved(reader: Reader, file: Path, k: int, operator: Operator, *, mended: b
             )
     except ValueError as error:
         hint = _hint(state.mesh, file, operator, mended=mended)
-        return Answer(file, problem=f"{_by_command(str(error))}{hint}")
+        return FileSpectrum(file, problem=f"{_by_command(str(error))}{hint}")
     vertices = len(state.mesh.vertices)
-    return Answer(file, spectrum, vertices, state.repairs, warnings=_by_options(warned))
+    return FileSpectrum(file, spectrum, vertices, state.repairs, warnings=_by_options(warned))
 
 
 def _by_options(warned: list[warnings.WarningMessage]) -> tuple[str, ...]:
@@ -379,59 +383,59 @@ def _named(operator: Operator) -> dict[str, str]:
     return {name: str(getattr(operator, name)) for name in ("elements", "mass", "boundary")}
 
 
-def _facts(answer: Answer, operator: Operator) -> dict[str, object]:
+def _facts(result: FileSpectrum, operator: Operator) -> dict[str, object]:
     """Return what is known of a file, for JSON."""
-    if answer.spectrum is None:
-        return {"file": str(answer.file), "problem": answer.problem}
-    certificate = answer.spectrum.certificate
+    if result.spectrum is None:
+        return {"file": str(result.file), "problem": result.problem}
+    certificate = result.spectrum.certificate
     bound = certificate.error_bound
     return {
-        "file": str(answer.file),
-        "vertices": answer.vertices,
-        "components": answer.spectrum.components,
-        "eigenvalues": answer.spectrum.eigenvalues.tolist(),
+        "file": str(result.file),
+        "vertices": result.vertices,
+        "components": result.spectrum.components,
+        "eigenvalues": result.spectrum.eigenvalues.tolist(),
         "error_bound": None if bound is None else bound.tolist(),
         "count": certificate.count,
         "shift": certificate.shift,
-        "repairs": answer.repairs,
+        "repairs": result.repairs,
         "operator": _named(operator),
     }
 
 
-def _table(answers: list[Answer], k: int) -> str:
+def _table(results: list[FileSpectrum], k: int) -> str:
     shown = min(k, SHOWN)
     rows = []
-    for answer in answers:
-        if answer.spectrum is None:
+    for result in results:
+        if result.spectrum is None:
             rows.append(
-                [_as_utf8(answer.file.name), "", "", *[""] * (shown + (k > shown)), "no spectrum"]
+                [_as_utf8(result.file.name), "", "", *[""] * (shown + (k > shown)), "no spectrum"]
             )
             continue
-        values = [f"{value:.6g}" for value in answer.spectrum.eigenvalues]
+        values = [f"{value:.6g}" for value in result.spectrum.eigenvalues]
         shortened = values if k == shown else [*values[: shown - 1], "…", values[-1]]
-        facts = [f"{answer.vertices:,}", str(answer.spectrum.components)]
-        rows.append([_as_utf8(answer.file.name), *facts, *shortened, _said(answer.repairs)])
+        facts = [f"{result.vertices:,}", str(result.spectrum.components)]
+        rows.append([_as_utf8(result.file.name), *facts, *shortened, _said(result.repairs)])
     names = [f"λ{i}" for i in range(1, shown + 1)]
     names = names if k == shown else [*names[:-1], "", f"λ{k}"]
     headers = ["file", "vertices", "components", *names, "repaired"]
     return str(tabulate(rows, headers=headers, disable_numparse=True))
 
 
-def _as_csv(answers: list[Answer], k: int, operator: Operator) -> str:
+def _as_csv(results: list[FileSpectrum], k: int, operator: Operator) -> str:
     """Return one row per file: its vertices, components, eigenvalues to the last digit, operator.
 
     The columns of the operator are the last, so that eigenvalues stay where they always were. If no
     file has a spectrum, there are no columns of eigenvalues: k may be too large for any.
     """
-    count = k if any(answer.spectrum is not None for answer in answers) else 0
+    count = k if any(result.spectrum is not None for result in results) else 0
     names, text = _named(operator), io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     values = [f"lambda_{i}" for i in range(1, count + 1)]
     writer.writerow(["file", "vertices", "components", *values, *names])
-    for answer in answers:
-        if answer.spectrum is not None:
-            facts = [_as_utf8(answer.file), answer.vertices, answer.spectrum.components]
-            values = [repr(value) for value in answer.spectrum.eigenvalues.tolist()]
+    for result in results:
+        if result.spectrum is not None:
+            facts = [_as_utf8(result.file), result.vertices, result.spectrum.components]
+            values = [repr(value) for value in result.spectrum.eigenvalues.tolist()]
             writer.writerow([*facts, *values, *names.values()])
     return text.getvalue()
 
@@ -501,7 +505,7 @@ def _are_names(cells: list[str]) -> bool:
     >>> [_are_names([cell]) for cell in ("eigenvalue", "# 5 of them", "2.0D0", "Infinity")]
     [True, True, False, False]
     """
-    words = [cell.split()[0] for cell in cells if cell]
+    words = [cell.split()[0] for cell in cells if cell.strip()]
     named = [word[0].isalpha() and not NUMBER.fullmatch(word) for word in words]
     return bool(words) and (words[0].startswith("#") or all(named))
 

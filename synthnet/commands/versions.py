@@ -19,13 +19,12 @@ def add(commands: Commands) -> None:
 def run(options: argparse.Namespace) -> int:
     """List the versions, and the imports, sealed sets and scaled versions that are there."""
     rows = []
-    known = recipe.available()
+    known, there = recipe.available(), store.there(options.out)
     for name in known:
-        version = recipe.load(name)
-        manifest = store.read_manifest(store.dataset_directory(name, options.out))
+        version, manifest = recipe.load(name), there.get(name)
         built = manifest is not None and manifest.recipe_digest == version.digest
         rows.append({"version": name, "shapes": version.count, "built": built})
-    for name, manifest in store.there(options.out).items():
+    for name, manifest in there.items():
         if name not in known:
             rows.append({"version": name, "shapes": manifest.rows, "built": True})
     if options.json:

@@ -169,8 +169,8 @@ def write(dataset: StoredDataset) -> Location:
     Raises
     ------
     StoreError
-        If the dataset is an import or a sealed set, whose licence and authors are not known
-        here.
+        If the dataset is an import, a sealed set or of a recipe of your own, whose licence and
+        authors are not known here.
     BuildError
         If the file cannot be written.
     """
@@ -223,10 +223,10 @@ def metadata(dataset: StoredDataset) -> dict[str, Any]:
 
 def _about(version: str) -> tuple[About, recipe.Recipe]:
     name = recipe.parse_name(version)
-    if name.kind not in (Kind.VERSION, Kind.SCALED):
+    if name.kind is Kind.SEALED or name.version not in recipe.available():
         raise StoreError(
-            f"{version} is no version of synthNet: an import or a sealed set has its own authors "
-            "and licence, so write its Croissant metadata by hand"
+            f"{version} is no version of synthNet: an import, a sealed set or what your own recipe "
+            "made has its own authors and licence, so write its Croissant metadata by hand"
         )
     return ABOUT[recipe.load(name.version).base], recipe.load(version)
 

@@ -30,10 +30,15 @@ from synthnet.types import PROTOCOLS, SPLITS, Mesh
 with needed_by("synthnet.pyg"):
     import torch
     from torch_geometric.data import Data, InMemoryDataset
+    from torch_geometric.data.separate import separate
 
 Augment = bool | Literal["random"]
 Transform = Callable[[Data], Data]
 TARGETS = ("mesh", "surface")
+ALL_TEST = {  # why kinds of dataset may have no shape in a split
+    recipe.Kind.IMPORTED: "an import is all split='test', but for `synthnet import --split hash`",
+    recipe.Kind.SEALED: "a sealed set is all split='test'",
+}
 
 
 class SynthNet(InMemoryDataset):  # type: ignore[misc]
@@ -83,7 +88,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
     BuildError
         If the version is not there and cannot be built.
     StoreError
-        If the target is ``surface`` and the dataset has no limits.
+        If the split has no shape, or the target is ``surface`` and the dataset has no limits.
     TypeError
         If ``pre_transform`` returns what cannot be kept, or holds something whose state cannot be
         seen, such as an open file.
@@ -144,12 +149,14 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         super().__init__(str(store.home(root)), transform, pre_transform, pre_filter)
         self._open()
         if self._shapes is not None:
-            self._indices = self._select(self._shapes, pre_filter)
-        if self._stored.kind is recipe.Kind.IMPORTED and pre_filter is None and not len(self):
-            raise StoreError(
-                f"{version} has no shape in the split {split}: an import is all split='test', but "
-                "for `synthnet import --split hash`"
-            )
+            try:
+                self._indices = self._select(self._shapes, pre_filter)
+            except DamagedError:
+                self._open(wholly=True)
+                self._indices = self._select(self._shapes, pre_filter)
+        if pre_filter is None and not len(self):
+            hint = ALL_TEST.get(self._stored.kind, "choose another")
+            raise StoreError(f"{version} has no shape in the split {split}: {hint}")
 
     @property
     def _base_directory(self) -> Path:
@@ -180,7 +187,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         self._data, self.slices = self._items.data, self._items.slices
 
     def _transformed(self) -> Iterator[Data]:
-        shapes = self._map()
+        shapes = self._map(wholly=True)
         for i in self._select(shapes, self.pre_filter):
             yield self.pre_transform(item(shapes, i))
 
@@ -237,6 +244,8 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
 
     def get(self, idx: int) -> Data:
         """Return an instance by its number, as a copy that owns its memory."""
+        if not 0 <= idx < self.len():
+            raise IndexError(f"no instance {idx}: they are numbered from 0 to {self.len() - 1}")
         try:
             return self._read(idx)
         except DamagedError:
@@ -249,7 +258,11 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
             return item(self._shapes, idx, fresh)
         if self._items is not None:
             self._items.check(idx)
-        data = copy.deepcopy(super().get(idx))
+            # PyG's own get returns the lists and arrays of all items where there is one.
+            part = separate(Data, self._data, idx, self.slices, decrement=False)
+        else:
+            part = super().get(idx)
+        data = copy.deepcopy(part)
         self._data_list = None  # the arrays are the cache
         if self.augment == "random":  # it may be a copy of such a dataset
             moved = isometry.apply(Mesh(data.pos.numpy(), data.face.T.numpy()), random_isometry())
@@ -308,11 +321,11 @@ def surface_spectra(dataset: StoredDataset) -> NDArray[np.float32]:
     add_missing(dataset)
     if not limits.any_there(dataset):
         version = dataset.manifest.version
-        remedy = (
-            "imported meshes have no known surface, take target='mesh'"
-            if dataset.kind is recipe.Kind.IMPORTED
-            else f"run `synthnet build {version} --limits`"
-        )
+        remedy = f"run `synthnet build {version} --limits`"
+        if dataset.kind is recipe.Kind.IMPORTED:
+            remedy = "imported meshes have no known surface, take target='mesh'"
+        elif recipe.parse_name(version).version not in recipe.available():
+            remedy = "make them by synthnet.build.limits.build_limits of your recipe"
         raise StoreError(f"{dataset.directory} has no limits of its surfaces: {remedy}")
     return np.array([row.eigenvalues for row in limits.read(dataset)], np.float32)
 

@@ -23,20 +23,25 @@ with needed_by("synthnet.pyg"):
 INDEX = "index.json"
 ROWS = ".bin"  # the end of the name of an attribute's file
 NUMBERS = "biufc"  # kinds of NumPy's types that a file of bytes may hold
+PLAIN = (str, int, float)  # types of attributes that are no tensors
 
 
 def write_data(directory: Path, items: Iterable[Data]) -> None:
     """Write items of any tensor, number and string attributes, one at a time.
 
-    Raise TypeError if an item is no ``Data``, an attribute is neither, or the items' differ.
+    Raise TypeError if an item is no ``Data`` but, say, a subclass, whose way to join items would be
+    lost; if an attribute is neither; or if the items' differ.
     """
     files: dict[str, Any] = {}
     kinds: dict[str, dict[str, Any]] = {}
     digests: list[str] = []
     try:
         for data in items:
-            if not isinstance(data, Data):
-                raise TypeError(f"pre_transform must return Data, got {type(data).__name__}")
+            if type(data) is not Data:
+                raise TypeError(
+                    f"pre_transform must return Data, got {type(data).__name__}: make that by "
+                    "transform, which may return any type"
+                )
             attributes = data.to_dict()
             if not digests:
                 kinds = {key: _kind(data, key, value) for key, value in attributes.items()}
@@ -53,6 +58,8 @@ def write_data(directory: Path, items: Iterable[Data]) -> None:
             state = hashlib.sha256()
             for key, value in attributes.items():
                 kind = kinds[key]
+                if isinstance(value, PLAIN) is ("dtype" in kind):
+                    raise TypeError(f"pre_transform must return {key} as a tensor always or never")
                 if "dtype" not in kind:
                     kind["values"].append(value)
                     continue
@@ -127,12 +134,8 @@ def _file(number: int) -> str:
 
 
 def _kind(data: Data, key: str, value: Any) -> dict[str, Any]:
-    if isinstance(value, str | int | float):
+    if isinstance(value, PLAIN):
         return {"values": []}
-    if not isinstance(value, torch.Tensor) or not value.dim():
-        raise TypeError(
-            f"pre_transform may add tensors, numbers and strings; {key} is {type(value).__name__}"
-        )
     dim = data.__cat_dim__(key, value) or 0
     rows = _rows(key, value, dim)
     return {
@@ -143,8 +146,12 @@ def _kind(data: Data, key: str, value: Any) -> dict[str, Any]:
     }
 
 
-def _rows(key: str, value: torch.Tensor, dim: int) -> NDArray[Any]:
+def _rows(key: str, value: Any, dim: int) -> NDArray[Any]:
     """Return a tensor's values along one of its dimensions."""
+    if not isinstance(value, torch.Tensor) or not value.dim():
+        raise TypeError(
+            f"pre_transform may add tensors, numbers and strings; {key} is {type(value).__name__}"
+        )
     try:
         rows: NDArray[Any] = value.detach().cpu().movedim(dim, 0).contiguous().numpy()
     except (TypeError, RuntimeError) as error:  # NumPy has no such dtype or layout

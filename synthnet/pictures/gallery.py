@@ -63,7 +63,7 @@ def candidates(
     """
     stored = store.open_unversioned(version, root)
     if stored is not None:
-        kept = _by_family(sample.spec for sample in stored.samples())
+        kept = _by_family(stored.specs())
         families = (shard.family for shard in stored.manifest.shards)
         shapes = {name: kept.get(name, []) for name in families}
         totals = {name: len(specs) for name, specs in shapes.items()}
@@ -117,7 +117,7 @@ def chosen(
     The first is in the middle of them all. A shape that a filter refuses is passed over.
     """
     stored = store.open_unversioned(version, root)
-    limits = None if stored is not None else recipe.load(version).filters
+    thresholds = None if stored is not None else recipe.load(version).filters
     made = 0
     for number in spread(_ranks(among), count):
         if made == count:
@@ -128,8 +128,8 @@ def chosen(
         else:
             family = FAMILIES[spec.family]
             mesh = family.generate(spec.parameters).stored()
-            assert limits is not None
-            if filters.check_mesh(mesh, limits, family.topology(spec.parameters)):
+            assert thresholds is not None
+            if filters.check_mesh(mesh, thresholds, family.topology(spec.parameters)):
                 continue
         made += 1
         yield spec, mesh

@@ -1,4 +1,4 @@
-"""The colours of every picture and chart, in one place.
+"""The colours of every chart, in one place; those of drawn meshes are in ``raster.py``.
 
 They are Okabe and Ito's, which colour-blind readers can tell apart, and two greys.
 """

@@ -78,7 +78,7 @@ def title(name: str) -> str:
 
     Examples
     --------
-    >>> title("2.0"), title("1.0-x100"), title("scans")
-    ('synthNet 2.0', 'synthNet 1.0-x100', 'scans')
+    >>> title("2.0"), title("1.0-x100"), title("scans"), title("mesh-x100")
+    ('synthNet 2.0', 'synthNet 1.0-x100', 'scans', 'mesh-x100')
     """
-    return name if parse_name(name).kind is Kind.IMPORTED else f"synthNet {name}"
+    return f"synthNet {name}" if parse_name(name).version in available() else name

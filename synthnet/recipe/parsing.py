@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, asdict, fields
 from functools import partial
@@ -26,6 +27,7 @@ from synthnet.types import PROTOCOLS
 LEAST_VERTICES = 50  # of a mesh that a recipe asks for
 EACH_FAMILY = "each family"  # they are held out one after the other
 NOTHING = "nothing"  # held out: tested are meshes from elsewhere
+ENDS = 0.0, 1 - 2**-53  # the least and the largest number that a draw begins with
 
 Settings = TypeVar("Settings")
 
@@ -56,6 +58,7 @@ def extension(raw: dict[str, Any], name: Any, base: dict[str, Any]) -> dict[str,
     """Return the tables of a version that adds to another one: its families stay, others come."""
     need("subset" not in base, f"{name} is a subset: extend the version that it is of")
     need("subset" not in raw, "a version is a subset of another or extends it, not both")
+    need("version" in raw, "recipe has a missing key: version")  # or it had that of the other one
     families: dict[str, Any] = base["families"]
     more = raw.get("families", {})
     need(isinstance(more, Mapping), f"families must be tables, got {more!r}")
@@ -106,7 +109,12 @@ def _families(_: str, tables: Any) -> dict[str, FamilyRecipe]:
     }
     for name, family in families.items():
         need(family.count >= 1, f"family {name}: count must be at least 1, got {family.count}")
-        for parameter, value in family.parameters.items():
+        parameters = family.parameters
+        need(
+            isinstance(parameters, Mapping),
+            f"family {name}: parameters must be a table, got {parameters!r}",
+        )
+        for parameter, value in parameters.items():
             _check_draw(f"family {name}: parameter {parameter}", value)
     return families
 
@@ -117,7 +125,7 @@ def _sizes(_: str, tables: Any) -> tuple[Size, ...]:
     for size in sizes:
         what = f"size {size.name}: vertices"
         _check_draw(what, size.vertices)
-        least = min(quantile(size.vertices, u) for u in (0.0, 1 - 2**-53))
+        least = min(quantile(size.vertices, u) for u in ENDS)
         need(least >= LEAST_VERTICES, f"{what} must be at least {LEAST_VERTICES}, got {least:g}")
     return sizes
 
@@ -157,10 +165,15 @@ def _check_draw(what: str, value: Any) -> None:
         f"{what} must be a number or one of {', '.join(DISTRIBUTIONS)} with two arguments, "
         f"got {value!r}",
     )
+    try:
+        ends = [quantile(value, u) for u in ENDS]
+    except OverflowError:
+        ends = [math.inf]
+    need(all(map(_is_number, ends)), f"{what} must have finite draws, got {value!r}")
 
 
 def _is_number(value: Any) -> bool:
-    return type(value) in (int, float) and math.isfinite(value)
+    return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
 def _is_distribution(value: Any) -> bool:

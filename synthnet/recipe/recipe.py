@@ -20,7 +20,7 @@ class LabelSettings:
 
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
-    """Limits of the checks in :mod:`synthnet.build.filters`."""
+    """Thresholds of the checks in :mod:`synthnet.build.filters`."""
 
     altitude: float
     trivial: float

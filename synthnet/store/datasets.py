@@ -17,11 +17,11 @@ from synthnet.errors import StoreError, suggestion
 from synthnet.mesh.formats import kind_of
 from synthnet.recipe import Kind
 from synthnet.store import storage
-from synthnet.store.imports import OPTIONS, description_of
+from synthnet.store.imports import IMPORTED, description_of
 from synthnet.store.manifest import read_manifest
-from synthnet.store.shards import read_samples, read_table
+from synthnet.store.shards import read_labels, read_samples, read_table
 from synthnet.store.storage import Location, location
-from synthnet.types import Manifest, Sample
+from synthnet.types import Manifest, Sample, ShapeSpec
 
 
 def home(root: str | os.PathLike[str] | None = None) -> Location:
@@ -57,7 +57,7 @@ class StoredDataset:
     @property
     def kind(self) -> Kind:
         """The kind of dataset, by what its manifest says it was made from."""
-        if OPTIONS in self.manifest.recipe:
+        if IMPORTED in self.manifest.recipe:
             return Kind.IMPORTED
         if "sealed" in self.manifest.recipe:
             return Kind.SEALED
@@ -71,6 +71,10 @@ class StoredDataset:
         """Read all samples, a shard at a time."""
         for path in self.paths():
             yield from read_samples(path)
+
+    def specs(self) -> Iterator[ShapeSpec]:
+        """Read the parameters of all shapes, without the meshes."""
+        return (spec for path in self.paths() for spec, _ in read_labels(path))
 
     def find(self, id: str) -> Sample:
         """Return the sample of an id; of an import, also of a file's name.
@@ -89,9 +93,8 @@ class StoredDataset:
                 if refused.id == id:
                     raise StoreError(f"{id} was rejected by {refused.reason}: {refused.detail}")
             path = self.directory / shard.file
-            ids = read_table(path, ["id"])["id"].to_pylist()
-            if id in ids:
-                return next(read_samples(path, slice(ids.index(id), ids.index(id) + 1)))
+            if id in read_table(path, ["id"])["id"].to_pylist():
+                return next(sample for sample in read_samples(path) if sample.spec.id == id)
         if family not in self.manifest.drawn and kind_of(Path(id).name) is not None:
             raise StoreError(self.no_file(id))
         if family not in self.manifest.drawn:
@@ -238,13 +241,14 @@ def _may_have_name(kind: Kind, name: recipe.Name) -> bool:
 
 
 def open_unversioned(name: str, root: str | os.PathLike[str] | None = None) -> StoredDataset | None:
-    """Open a dataset that no recipe of a version makes: an import, or a sealed set.
+    """Open a dataset that no version's recipe makes: an import, a sealed set, or your own recipe's.
 
     Return ``None`` if the name is a version's, built or not, or nothing is there; raise StoreError
     if it is the name of a sealed set that is not there.
     """
-    sealed = recipe.parse_name(name).kind is Kind.SEALED
+    parsed = recipe.parse_name(name)
+    sealed = parsed.kind is Kind.SEALED
     if not sealed and read_manifest(dataset_directory(name, root)) is None:
         return None
     dataset = open_dataset(name, root)
-    return dataset if dataset.kind in (Kind.IMPORTED, Kind.SEALED) else None
+    return dataset if sealed or parsed.version not in recipe.available() else None

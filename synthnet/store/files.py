@@ -26,7 +26,10 @@ def sha256(path: Path) -> str:
 
 
 def make_directory(path: Path, choose: str = "--out or $SYNTHNET_HOME") -> None:
-    """Create a directory that can be written, or raise BuildError: ``choose`` another with that."""
+    """Create a directory that can be written, or raise BuildError.
+
+    ``choose`` names the option that selects another directory, for the message.
+    """
     _make(path, f"choose another directory with {choose}")
 
 

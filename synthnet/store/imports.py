@@ -11,7 +11,7 @@ from typing import Any
 from synthnet.errors import StoreError
 from synthnet.types import Manifest
 
-OPTIONS = "imported"  # the key that marks a manifest's recipe as a description
+IMPORTED = "imported"  # the key that marks a manifest's recipe as a description
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class ImportDescription:
     def to_dict(self) -> dict[str, Any]:
         """Return JSON-ready data, as it stands in the manifest."""
         return {
-            OPTIONS: dict(self.options),
+            IMPORTED: dict(self.options),
             "limits": self.limits,
             "rules": self.rules,
             "files": {id: dict(file) for id, file in self.files.items()},
@@ -89,7 +89,7 @@ def description_of(manifest: Manifest) -> ImportDescription:
     stored = dict(manifest.recipe)
     try:
         description = ImportDescription(
-            stored.pop(OPTIONS), stored.pop("limits"), stored.pop("rules"), stored.pop("files")
+            stored.pop(IMPORTED), stored.pop("limits"), stored.pop("rules"), stored.pop("files")
         )
     except KeyError as error:
         raise StoreError(

@@ -129,12 +129,19 @@ def _opened(path: Location, *, whole: bool) -> Iterator[Any]:
             yield file
 
 
-def read_samples(path: Location, rows: slice | None = None) -> Iterator[Sample]:
-    """Read the samples of a shard, or of some of its rows, in order."""
-    table = read_table(path)
-    if rows is not None:
-        table = table.slice(rows.start, rows.stop - rows.start)
-    yield from _samples(table, path)
+def read_samples(path: Location) -> Iterator[Sample]:
+    """Read the samples of a shard, in order."""
+    yield from _samples(read_table(path), path)
+
+
+def read_labels(path: Location) -> Iterator[tuple[ShapeSpec, NDArray[np.float64]]]:
+    """Read the shapes and labels of a shard, in order, without the meshes."""
+    table = read_table(path, ["id", "family", "index", "parameters", "group", "eigenvalues"])
+    try:
+        for row in table.to_pylist():
+            yield _spec(row), np.array(row["eigenvalues"], dtype=np.float64)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise damaged(path, one_line(error)) from error
 
 
 def _header(schema: pa.Schema) -> Any:
@@ -234,14 +241,18 @@ def ragged_arrays(column: pa.ChunkedArray) -> Iterator[NDArray[Any]]:
             yield values[start:stop]
 
 
+def _spec(row: dict[str, Any]) -> ShapeSpec:
+    parameters = dict(json.loads(row["parameters"]))
+    return ShapeSpec(row["id"], row["family"], row["index"], parameters, row["group"])
+
+
 def _samples(table: pa.Table, path: Location) -> Iterator[Sample]:
     try:
         plain = table.drop_columns(["vertices", "faces", "isometries"]).to_pylist()
         ragged = (ragged_arrays(table[name]) for name in ("vertices", "faces", "isometries"))
         for row, vertices, faces, isometries in zip(plain, *ragged, strict=True):
-            parameters = dict(json.loads(row["parameters"]))
             yield Sample(
-                spec=ShapeSpec(row["id"], row["family"], row["index"], parameters, row["group"]),
+                spec=_spec(row),
                 mesh=Mesh(vertices, faces),
                 eigenvalues=np.array(row["eigenvalues"], dtype=np.float64),
                 trivial=row["trivial"],

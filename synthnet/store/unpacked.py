@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
+from synthnet import recipe
 from synthnet.errors import DamagedError
 from synthnet.store import files, storage
 from synthnet.store.datasets import StoredDataset
@@ -134,12 +135,13 @@ def open_or_unpack(
         fill(to)
         write_contents(to, dataset, by_item)
 
+    title = recipe.title(dataset.manifest.version)
     try:
         return opened()
     except FileNotFoundError:
-        what = f"Unpacking synthNet {dataset.manifest.version}"
+        what = f"Unpacking {title}"
     except DamagedError as error:
-        what = f"{error}: unpacking synthNet {dataset.manifest.version} anew"
+        what = f"{error}: unpacking {title} anew"
     sys.stderr.write(f"{what} for PyTorch Geometric\n")
     files.make_in_place(directory, is_whole, fill_and_list)
     check(directory, dataset)

@@ -169,12 +169,13 @@ def _verify_imported(
     Checks, in order: that the manifest's digest is that of its options and list of files, and the
     counts by family; SHA-256 of every shard; schema, page checksums and row counts; that every
     file listed is stored or rejected, with its name, hash and split; every certificate, its
-    eigenvalues counted anew; labels of a random sample against ``lapy.Solver(...).eigs``. Raise
-    StoreError if the manifest lists no files, as those before synthnet 0.1 did not.
+    eigenvalues counted anew; labels of a random sample against ``lapy.Solver(...).eigs``; what
+    loaders have unpacked, where there is any. Raise StoreError if the manifest lists no files, as
+    those before synthnet 0.1 did not.
     """
     manifest = dataset.manifest
     description = store.description_of(manifest)
-    limits = recipe.load(description.limits)
+    resolved = recipe.load(description.limits)
     chosen = _choose(range(manifest.rows), sample, seed)
     ids: list[str] = [rejection.id for rejection in manifest.rejections]
     names = ("manifest", "digests", "shards", "recipe", "certificates", "labels", "unpacked")
@@ -186,7 +187,7 @@ def _verify_imported(
             findings.add("recipe", shapes.check_listed(stored, description), examined=0)
             if findings.examined["certificates"] in chosen:
                 findings.add("labels", shapes.check_label(stored))
-            findings.add("certificates", shapes.check_certificate(stored, limits))
+            findings.add("certificates", shapes.check_certificate(stored, resolved))
     times = Counter(ids)
     problems = [
         f"{id}: {times[id]} times among those stored or rejected"

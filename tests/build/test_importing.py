@@ -133,9 +133,10 @@ def test_labels_are_those_of_the_surface(folder, imported):
         assert sample.isometries.tolist() == [np.eye(3).tolist()]
 
 
-def test_every_reader_takes_it(folder, imported, root):
+def test_every_reader_takes_it(folder, imported, root, capfd):
     dataset = imported(folder).dataset
     shapes = SynthNet(version="mine", split="test", root=root)
+    assert "Unpacking mine for PyTorch Geometric" in capfd.readouterr().err
     assert len(shapes) == 4
     assert shapes[2].y[0].numpy() == pytest.approx(list(dataset.samples())[2].eigenvalues, rel=1e-6)
     assert len(synthnet.load_dataset("mine", split="test", root=root)) == 4
@@ -480,8 +481,11 @@ def test_directories_that_will_not_do_are_refused(folder, imported, root, tmp_pa
     (tmp_path / "other" / "my-meshes").mkdir(parents=True)
     shutil.copy(folder / "a.ply", tmp_path / "other" / "my-meshes")
     (tmp_path / "link").symlink_to(folder)
+    os.mkfifo(tmp_path / "pipe")
     for places, expected in (
         ([tmp_path / "none"], "none is not there"),
+        ([tmp_path / "pipe"], "pipe is a pipe or a device: give directories or files"),
+        ([Path("/dev/null")], "/dev/null is a pipe or a device"),
         ([tmp_path / "empty"], r"has no \.obj, \.off, \.ply, \.stl, .* file"),
         ([folder, tmp_path / "other" / "my-meshes"], "would both be the family my_meshes"),
         ([folder, folder / "."], "are the same or one within the other: give one of them"),
@@ -775,7 +779,7 @@ def test_page_shows_what_became_of_the_hostile_files():
 
 def test_number_of_workers_is_checked(folder, run_import, root):
     line = only_line(*run_import(folder, workers=0))
-    assert line == "synthnet: workers must be at least 1, got 0"
+    assert "argument --workers: must be at least 1, got 0" in line
     assert not root.exists()
 
 

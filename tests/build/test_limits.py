@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 from eigbench.scoring import metrics
 
+import synthnet
 from synthnet import recipe, store
 from synthnet.build import limits as building
 from synthnet.build import versions
@@ -115,6 +116,17 @@ def test_shards_and_manifest_do_not_depend_on_limits(built, tmp_path, threads, m
     assert len(files) == len(plain) + 2
 
 
+def test_what_a_recipe_of_ones_own_made_is_opened(built):
+    pyg = pytest.importorskip("synthnet.pyg")
+    pytest.importorskip("datasets")
+    _, home = built
+    split = next(versions.ensure_built("tiny", home).samples()).split
+    shapes = pyg.SynthNet(home, "tiny", split, augment=False)
+    assert shapes.shape_id == synthnet.load_dataset("tiny", split, root=home)["id"][:]
+    with pytest.raises(StoreError, match="make them by synthnet"):
+        pyg.SynthNet(home, "tiny", split, target="surface")
+
+
 def test_a_recipe_of_ones_own_has_no_pins(recipe_1_0, round_shapes):
     for version in ("1.0", "1.0-mini"):
         assert building.pinned(recipe.load(version)) is not None
@@ -157,7 +169,7 @@ def test_triangulations_of_a_surface_share_its_limit(tmp_path, monkeypatch):
     specs = [draw_shape(recipe.load("2.0"), "ellipsoid", index) for index in range(6)]
     solve = Mock(return_value=Limit(np.arange(1.0, 11), np.ones(10)))
     monkeypatch.setattr(Family, "limit_spectrum", solve)
-    monkeypatch.setattr(building, "labels", lambda _: ((s, np.arange(1.0, 11)) for s in specs))
+    monkeypatch.setattr(store, "read_labels", lambda _: ((s, np.arange(1.0, 11)) for s in specs))
     (tmp_path / limits.DIRECTORY).mkdir()
     record = ShardRecord("shards/ellipsoid-0000.parquet", "ellipsoid", "0" * 64, 1, 6, 1, 1, ())
     building.make_shard(tmp_path, record)

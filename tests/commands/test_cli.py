@@ -160,7 +160,7 @@ def test_version_that_is_not_built(arguments, run, tmp_path):
         ),
         (["gallery", "tours", "--dataset", VERSION], "inverted_cone; did you mean torus?"),
         (["build", "--workers", "two"], "argument --workers: invalid int value: 'two'"),
-        (["build", "--workers", "0"], "workers must be at least 1, got 0"),
+        (["build", "--workers", "0"], "argument --workers: must be at least 1, got 0"),
         (["build", "--workers", "999999"], f"workers must be at most {16 * cores()}, 16 a core"),
         (["build", "--frobnicate"], "unrecognized arguments: --frobnicate"),
         (["show"], "the following arguments are required: ID"),
@@ -339,6 +339,11 @@ def test_gallery_of_a_family(run, tmp_path, monkeypatch):
     assert printed["ids"] == sorted(printed["ids"])
 
 
+def test_no_folder_is_made_for_a_family_that_there_is_not(run, tmp_path):
+    only_line(*run("gallery", "tours", "--version", VERSION, "--png", tmp_path / "new" / "a.png"))
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_gallery_of_all_families(printed, tmp_path):
     path = tmp_path / "all.png"
     out = printed("gallery", "--version", VERSION, "--png", path, "--json")
@@ -372,6 +377,15 @@ def test_json_of_versions(run, mini_home):
         {"version": "2.1", "shapes": 14430, "built": False},
         {"version": "2.1-mini", "shapes": 507, "built": False},
     ]
+
+
+def test_versions_passes_over_what_is_damaged(run, mini_copy):
+    path = mini_copy / VERSION / "manifest.json"
+    path.write_text(path.read_text()[:-100])
+    code, out, err = run("versions", "--out", mini_copy, "--json")
+    assert (code, err) == (0, "")
+    rows = {row["version"]: row["built"] for row in json.loads(out)}
+    assert rows == dict.fromkeys(recipe.available(), False)
 
 
 @pytest.mark.slow

@@ -39,7 +39,7 @@ def test_no_mesh_is_overwritten_by_its_spectrum(run, files):
 
 
 def test_a_place_that_cannot_be_written_is_named_before_the_work(run, files, monkeypatch):
-    monkeypatch.setattr("synthnet.commands.spectra._answer", None)
+    monkeypatch.setattr("synthnet.commands.spectra._result", None)
     line = only_line(*run("spectrum", files[0], "--out", "/proc/nowhere/spectra.csv"))
     assert line.startswith("synthnet: cannot write to /proc/nowhere (")
 
@@ -143,6 +143,7 @@ def test_an_answer_is_judged(run, files, tmp_path):
         ("# index,eigenvalue\n1,2.5\n2,3.5\n", [2.5, 3.5]),
         ("k,lambda,error\n1,2.5,\n2,3.5,\n", [2.5, 3.5]),
         ("eigenvalue,\t\n2.5,\t\n\t\n3.5,\t\n", [2.5, 3.5]),
+        ("eigenvalue,\u00a0\n2.5,\u00a0\n3.5,\u00a0\n", [2.5, 3.5]),
         ("file,lambda_1\nb/a.ply,9\na.ply,1.5\n", [1.5]),
         ("id, file, lambda_1, lambda_2\n0, a.ply, 1.5, 2.5\n", [1.5, 2.5]),
         ('"file", "vertices", "lambda_1"\n"a.ply", 42, 1.5\n', [1.5]),

@@ -138,7 +138,7 @@ def test_every_version_has_words_of_its_own(version):
 
 def test_a_sealed_set_is_refused(sealed_set):
     dataset = store.open_dataset(sealed_set.seal.dataset, sealed_set.home)
-    with pytest.raises(StoreError, match="is no version of synthNet: an import or a sealed set"):
+    with pytest.raises(StoreError, match="is no version of synthNet: an import, a sealed set"):
         croissant.write(dataset)
 
 

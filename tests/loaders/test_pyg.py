@@ -495,6 +495,48 @@ def test_pre_transform_must_return_what_can_be_stored(open_split):
         open_split("test", pre_transform=lambda data: Data(y=data.y, half=data.y.bfloat16()))
 
 
+class Pair(Data):
+    """Data with its own way to join items, which no file keeps."""
+
+    def __cat_dim__(self, key, value, *arguments, **options):
+        return 1 if key == "pair" else super().__cat_dim__(key, value, *arguments, **options)
+
+
+def test_pre_transform_must_not_return_a_subclass(open_split):
+    with pytest.raises(TypeError, match="must return Data, got Pair: make that by transform"):
+        open_split("test", pre_transform=lambda data: Pair(pair=data.pos.T, y=data.y))
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_an_attribute_is_a_tensor_always_or_never(open_split, first):
+    seen = []
+
+    def mixed(data):
+        seen.append(data.shape_id)
+        return Data(y=data.y, mark=data.y if (len(seen) == 1) is first else "none")
+
+    with pytest.raises(TypeError, match="must return mark as a tensor always or never"):
+        open_split("test", augment=False, pre_transform=mixed)
+
+
+def test_a_kept_dataset_of_one_item_has_the_item_alone(open_split, items):
+    one = items[0].shape_id
+    options = {"pre_filter": lambda data: data.shape_id == one, "pre_transform": Centre(0.0)}
+    dataset = open_split("test", augment=False, **options)
+    assert len(dataset) == 1
+    for data in (dataset[0], dataset.copy()[0]):
+        assert (data.family, data.shape_id, data.instance) == (items[0].family, one, 0)
+        assert torch.equal(data.face, items[0].face)
+
+
+def test_a_number_that_no_instance_has_is_refused(items, open_split):
+    kept = open_split("test", augment=False, pre_transform=Centre(0.0))
+    for dataset, count in ((items, 335 * 9), (kept, 34), (items.copy(), 34)):
+        for number in (-1, count):
+            with pytest.raises(IndexError, match=f"no instance {number}: .* 0 to {count - 1}"):
+                dataset.get(number)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -585,6 +627,18 @@ def test_a_mesh_damaged_after_opening_is_unpacked_anew(home, items, capfd):
     assert "is damaged (its SHA-256 is another): unpacking" in capfd.readouterr().err
     assert len(everything) + len(opened) == 335
     assert_same_positions(opened, items)
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize("transformed", [False, True])
+def test_a_mesh_that_a_callable_finds_damaged_is_unpacked_anew(home, items, transformed, capfd):
+    where = mapped.directory(store.open_dataset(MINI, home))
+    altered(where / "vertices.npy", 200)
+    options = {"pre_transform": Centre(0.0)} if transformed else {}
+    opened = SynthNet(home, MINI, "train", augment=False, pre_filter=few_vertices, **options)
+    assert "is damaged (its SHA-256 is another): unpacking" in capfd.readouterr().err
+    assert list(unpacked.problems(where)) == []
+    assert all(few_vertices(data) for data in opened)
 
 
 @pytest.mark.attack

@@ -104,6 +104,23 @@ def test_an_import_is_read(tmp_path, tiny_samples):
     assert len(read.faces) == len(mesh.faces)
 
 
+def test_a_sheet_of_a_file_in_a_folder_is_written_here(tmp_path, tiny_samples, run, monkeypatch):
+    (tmp_path / "scans" / "sub").mkdir(parents=True)
+    (tmp_path / "scans" / "sub" / "a.obj").write_text(obj(tiny_samples["torus"][0].mesh))
+    importing.import_meshes([tmp_path / "scans"], "mesh-x100", root=tmp_path / "home", workers=1)
+    monkeypatch.chdir(tmp_path)
+    titles = []
+    draw = gallery.draw.picture_of_sheet
+    monkeypatch.setattr(
+        gallery.draw, "picture_of_sheet", lambda *a, **b: titles.append(a[2]) or draw(*a, **b)
+    )
+    where = ["--version", "mesh-x100", "--out", "home"]
+    picture = "picture: gallery-mesh-x100-sub-a.obj.png\n"
+    assert run("gallery", "sub/a.obj", *where) == (0, picture, "")
+    assert titles == ["mesh-x100, scans: 1 of 1"]
+    assert "mesh-x100 is no version of synthNet: " in only_line(*run("croissant", *where))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("names", [("a.obj", "b.obj"), ("b.obj", "a.obj")])
 def test_repairs_of_some_files_of_an_import_only(names, tmp_path, tiny_samples):

@@ -131,6 +131,20 @@ def test_a_bad_distribution_is_refused(value):
 
 
 @pytest.mark.parametrize(
+    "value",
+    [
+        "{ log10_normal = [400.5, 1.0] }",
+        "{ log10_normal = [300, 3] }",
+        "{ uniform = [-1e308, 1e308] }",
+        f"{{ integers = [0, 1{'0' * 400}] }}",
+    ],
+)
+def test_a_distribution_of_numbers_that_no_float_is_is_refused(value):
+    message = "^family sphere: parameter resolution must (have finite draws|be a number or one)"
+    refused(edited("{ integers = [4, 9] }", value), message)
+
+
+@pytest.mark.parametrize(
     ("old", "new", "message"),
     [
         ("test = 0.1", "test = 0.2", r"^splits must be positive and add up to 1, .*'test': 0\.2"),
@@ -158,6 +172,12 @@ def test_a_value_that_will_not_do_is_named(old, new, message):
 def test_families_must_be_tables():
     text = TEXT.split("[families")[0].replace("schema = 1", "schema = 1\nfamilies = []")
     refused(text, r"^families must be tables, got \[\]$")
+
+
+def test_parameters_must_be_a_table():
+    family = "[families.sphere]\ncount = 5\nparameters = 3\n"
+    text = TEXT.split("[families")[0] + family
+    refused(text, "^family sphere: parameters must be a table, got 3$")
 
 
 @pytest.mark.parametrize(
@@ -228,6 +248,7 @@ def test_an_extension_may_have_protocols_of_its_own():
     ("old", "new", "message"),
     [
         ('"2.0"', '"3.0"', "^extends must be one of 1.0, .*, got '3.0'$"),
+        ('version = "more"', "", "^recipe has a missing key: version$"),
         ('"2.0"', "2", "^extends must be one of 1.0, .*, got 2$"),
         ('"2.0"', '"2.0-mini"', "^2.0-mini is a subset: extend the version that it is of$"),
         ("torus", "drum", "^2.0 has families of this name already: drum$"),

@@ -105,6 +105,13 @@ def test_same_samples_give_the_same_bytes_also_read_and_written_again(
         assert (other.read_bytes() == torus_shard.read_bytes()) == same
 
 
+def test_labels_are_read_without_the_meshes(torus_shard, monkeypatch):
+    expected = [(s.spec, s.eigenvalues.tolist()) for s in store.read_samples(torus_shard)]
+    monkeypatch.setattr(store.shards, "Mesh", None)
+    read = [(spec, label.tolist()) for spec, label in store.read_labels(torus_shard)]
+    assert read == expected
+
+
 def test_shard_of_rejections_only(tmp_path):
     path = tmp_path / "shards" / "torus-0000.parquet"
     record = write(path, [], (REJECTION,))

@@ -380,6 +380,8 @@ def test_sealed_set_is_read_by_pyg_and_datasets(home_copy, sealed_set):
     items = pyg.SynthNet(home_copy, name, split="test", augment=False)
     labels = [s.eigenvalues for s in store.open_dataset(name, home_copy).samples()]
     assert [item.y[0, 0].item() for item in items] == pytest.approx([y[0] for y in labels])
+    with pytest.raises(StoreError, match="no shape in the split train: a sealed set is all split="):
+        pyg.SynthNet(home_copy, name)
 
 
 def test_commands_on_a_built_version_take_its_name(sealed_set, run):
@@ -581,6 +583,7 @@ def test_no_salt_is_made_for_what_cannot_be_sealed(run, tmp_path):
     where = ["--salt-file", tmp_path / "salt", "--new-salt", "--out", tmp_path]
     assert "--share must be" in only_line(*run("seal", *where, "--share", "2"))
     assert "unknown version" in only_line(*run("seal", *where, "--version", "3.0"))
+    assert "must be at least 1, got 0" in only_line(*run("seal", *where, "--workers", "0"))
     assert list(tmp_path.iterdir()) == []
 
 
