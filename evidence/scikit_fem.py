@@ -16,10 +16,10 @@ from scipy.sparse.linalg import eigsh
 from skfem import BilinearForm
 from skfem.helpers import grad
 
+from synthnet.arrays import Floats
 from synthnet.families.atlas import Atlas, Charted
 from synthnet.families.limits import Limit
 from synthnet.families.surface_limits import ELEMENTS, layers_at, triangulation
-from synthnet.spectrum.arrays import Floats
 
 ORDER = 4  # of an eigenvalue's error in the length of the edges
 AT_CORNERS = 2  # the same where the smallest elements at a corner have the say

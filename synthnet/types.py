@@ -9,6 +9,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.arrays import Floats
+
 Vertices: TypeAlias = NDArray[np.floating[Any]]
 Faces: TypeAlias = NDArray[np.integer[Any]]
 Parameters: TypeAlias = Mapping[str, float | int | str]
@@ -137,7 +139,7 @@ class Certificate:
     count: int
     shift: float
     residual: float
-    error_bound: NDArray[np.float64] | None = field(default=None, compare=False)
+    error_bound: Floats | None = field(default=None, compare=False)
     zeros: int | None = field(default=None, compare=False)
 
 
@@ -165,10 +167,10 @@ class Spectrum:
         How many vertices or faces each repair met, by its name.
     """
 
-    eigenvalues: NDArray[np.float64]
+    eigenvalues: Floats
     trivial: float
     certificate: Certificate
-    eigenvectors: NDArray[np.float64] = field(repr=False)
+    eigenvectors: Floats = field(repr=False)
     components: int = 1
     mesh: Mesh | None = field(default=None, repr=False, compare=False)
     repairs: Mapping[str, int] = field(default_factory=dict, repr=False, compare=False)
@@ -200,10 +202,10 @@ class Sample:
 
     spec: ShapeSpec
     mesh: Mesh
-    eigenvalues: NDArray[np.float64]
+    eigenvalues: Floats
     trivial: float
     certificate: Certificate
-    isometries: NDArray[np.float64]
+    isometries: Floats
     split: str
     paper_splits: tuple[str, ...]
 

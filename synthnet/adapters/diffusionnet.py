@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.errors import needed_by
 from synthnet.mesh.geometry import corner_edges
 from synthnet.spectrum import Operator, as_mesh, discretise, smallest
@@ -116,7 +116,7 @@ def compute_operators(
     return dense[0], dense[1], stiffness, dense[2], dense[3], grad_x, grad_y
 
 
-def _given(normals: Any, n: int) -> NDArray[np.float64]:
+def _given(normals: Any, n: int) -> Floats:
     """Return normals as an array, checked."""
     array = np.asarray(torch.as_tensor(normals).detach().cpu(), dtype=np.float64)
     if array.shape != (n, 3) or not np.allclose(np.linalg.norm(array, axis=1), 1, atol=1e-3):
@@ -124,7 +124,7 @@ def _given(normals: Any, n: int) -> NDArray[np.float64]:
     return array
 
 
-def _normals(mesh: Mesh) -> NDArray[np.float64]:
+def _normals(mesh: Mesh) -> Floats:
     """Return the normalised sum of the unit normals of each vertex's faces, (n, 3)."""
     edges = corner_edges(mesh)
     normals = np.cross(edges[:, 0], edges[:, 1])
@@ -138,11 +138,11 @@ def _normals(mesh: Mesh) -> NDArray[np.float64]:
             f"the faces around {len(cancelled)} vertices cancel, so that these have no normal, the "
             f"first is vertex {cancelled[0]}: orient the faces alike, or give normals"
         )
-    unit: NDArray[np.float64] = sums / lengths
+    unit: Floats = sums / lengths
     return unit
 
 
-def _frames(normals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _frames(normals: Floats) -> Floats:
     """Return a frame for each normal, which is its last row: the first is near x, or near y."""
     axes = np.where(np.abs(normals[:, :1]) < NEXT, np.eye(3)[0], np.eye(3)[1])
     first = axes - np.einsum("ij,ij->i", axes, normals)[:, None] * normals
@@ -151,8 +151,8 @@ def _frames(normals: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _gradients(
-    mesh: Mesh, frames: NDArray[np.float64], matrices: Matrices, rows: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    mesh: Mesh, frames: Floats, matrices: Matrices, rows: Int64s
+) -> tuple[Floats, Floats]:
     """Return the entries of the gradient's two components, in the pattern of the matrices."""
     edges = mesh.vertices[matrices.indices] - mesh.vertices[rows]  # zero on the diagonal
     tangents = np.einsum("ecx,ex->ec", frames[rows, :2], edges)

@@ -3,9 +3,9 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from synthnet.arrays import Floats
 from synthnet.errors import counted
 from synthnet.spectrum import smallest
 from synthnet.spectrum.certificate import inertia
@@ -128,7 +128,7 @@ def _matrices(stiffness: sparse.csr_matrix, mass: sparse.csr_matrix) -> Matrices
     )
 
 
-def _check_semidefinite(matrices: Matrices, diagonal: NDArray[np.float64]) -> None:
+def _check_semidefinite(matrices: Matrices, diagonal: Floats) -> None:
     """Refuse a stiffness of this diagonal with an eigenvalue below zero by more than rounding."""
     steepest = float((np.abs(diagonal) / matrices.lumped).max())
     if steepest == 0:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from synthnet.arrays import Floats
 from synthnet.mesh.repair import Repaired
 from synthnet.spectrum import Operator, as_mesh, as_sparse, discretise, smallest
 from synthnet.spectrum.inputs import repaired
@@ -71,7 +69,7 @@ class Solver:
 
     def eigs(
         self, k: int = 10, sigma: float = -0.01, which: str = "LM", **without_effect: Any
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[Floats, Floats]:
         """Return the k smallest eigenpairs, certified; the zeros are among them.
 
         Parameters

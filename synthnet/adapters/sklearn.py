@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.arrays import Floats
 from synthnet.errors import needed_by
 from synthnet.mesh.geometry import area, enclosed_volume
 from synthnet.spectrum import as_mesh, compute
@@ -51,7 +52,7 @@ class ShapeDNA(TransformerMixin, BaseEstimator):  # type: ignore[misc]
         del X, y
         return self
 
-    def transform(self, X: Iterable[Any]) -> NDArray[np.float64]:
+    def transform(self, X: Iterable[Any]) -> Floats:
         """Return the descriptors of meshes, a row each.
 
         Parameters
@@ -81,7 +82,7 @@ class ShapeDNA(TransformerMixin, BaseEstimator):  # type: ignore[misc]
     def __sklearn_is_fitted__(self) -> bool:
         return True
 
-    def _row(self, given: Any) -> NDArray[np.float64]:
+    def _row(self, given: Any) -> Floats:
         spectrum = compute(given, self.k, repair=self.repair)
         mesh = as_mesh(given) if spectrum.mesh is None else spectrum.mesh
         return shape_dna(

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from synthnet import spectrum
+from synthnet.arrays import Floats
 from synthnet.build import filters
 from synthnet.errors import CertificateError, SpectrumError
 from synthnet.families import FAMILIES
@@ -33,9 +31,7 @@ def make_sample(shape: PlannedShape, recipe: Recipe) -> Sample | Rejection:
     return labelled(shape, mesh, label, draw_instances(recipe, spec))
 
 
-def labelled(
-    shape: PlannedShape, mesh: Mesh, label: Spectrum, isometries: NDArray[np.float64]
-) -> Sample:
+def labelled(shape: PlannedShape, mesh: Mesh, label: Spectrum, isometries: Floats) -> Sample:
     """Return the sample of a shape, of its mesh as it is stored, its label and its instances."""
     return Sample(
         spec=shape.spec,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet import recipe
+from synthnet.arrays import Floats
 from synthnet.build import filters
 from synthnet.build.label import label_or_rejection, labelled
 from synthnet.build.sources import UNREADABLE, Source
@@ -151,7 +151,7 @@ def surface(
     return stored, facts
 
 
-def listed_shares(shares: NDArray[np.float64]) -> str:
+def listed_shares(shares: Floats) -> str:
     """Return the components' shares of the area, to six decimals; equal ones are counted.
 
     However many components there are, so are few: at most 1,414 different shares add up to one.

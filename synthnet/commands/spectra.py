@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from tabulate import tabulate
 
 from synthnet import terminal
+from synthnet.arrays import Floats
 from synthnet.commands.options import at_least
 from synthnet.errors import SpectrumError, SynthNetError, counted, missing, printable
 from synthnet.mesh.formats import SUFFIXES, UnreadableError, kind_of
@@ -440,7 +440,7 @@ def _as_csv(results: list[FileSpectrum], k: int, operator: Operator) -> str:
     return text.getvalue()
 
 
-def read_answer(path: Path, mesh: Path, operator: Operator) -> NDArray[np.float64]:
+def read_answer(path: Path, mesh: Path, operator: Operator) -> Floats:
     """Return the eigenvalues of a file.
 
     Numbers stand on lines or between commas, one line of names may come first. In a table with the

@@ -18,11 +18,10 @@ from dataclasses import dataclass, replace
 from typing import Self, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from synthnet.arrays import Booleans, Floats, Int64s
 from synthnet.mesh.adjacency import connected, edge_keys
-from synthnet.spectrum.arrays import Floats, Int64s
 from synthnet.types import Mesh
 
 Chart: TypeAlias = Callable[[Int64s, Floats], Floats]
@@ -116,7 +115,7 @@ class Atlas:
     corners: Floats
     charts: Int64s
     chart: Chart
-    singular: NDArray[np.bool_] | None = None
+    singular: Booleans | None = None
 
     def glued(self) -> Int64s:
         """Return the corners' vertex numbers, shape (p, 3): images that meet are one vertex.
@@ -205,7 +204,7 @@ class Atlas:
         return Mesh(self.points(mesh), mesh.faces)
 
 
-def _graded(shares: Floats, singular: NDArray[np.bool_]) -> Floats:
+def _graded(shares: Floats, singular: Booleans) -> Floats:
     """Square the distance from the singular corner of each patch that has one."""
     if (singular.sum(axis=1) > 1).any():
         raise ValueError("a patch must have at most one singular corner")

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from synthnet.arrays import Floats
 from synthnet.families.atlas import Atlas, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.revolution import Piece, revolution
-from synthnet.spectrum.arrays import Floats
 
 
 def atlas(*, length: float, flatness: float, turns: float, bend: float) -> Atlas:

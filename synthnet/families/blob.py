@@ -3,10 +3,10 @@ r"""Blobs: spheres whose radius varies by random spherical harmonics."""
 import numpy as np
 from numpy.polynomial import legendre
 
+from synthnet.arrays import Floats
 from synthnet.families.atlas import Atlas
 from synthnet.families.charted import charted
 from synthnet.families.radial import radial, unit_vectors
-from synthnet.spectrum.arrays import Floats
 
 
 def atlas(*, amplitude: float, degree: int, form: int) -> Atlas:

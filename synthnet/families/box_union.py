@@ -1,19 +1,18 @@
 """Unions of boxes: blocks with steps, angles and necks, all edges sharp."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthnet.arrays import Booleans, Floats
 from synthnet.families import boxes as of_boxes
 from synthnet.families.atlas import Atlas, borders
 from synthnet.families.charted import charted
-from synthnet.spectrum.arrays import Floats
 
 GRID = 3  # cells of the grid in each direction
 PASSES = 4  # so often each cell may be taken
 THIN = 0.9  # widths of cells are 10^-0.9 to 1
 
 
-def union(*, boxes: int, form: int) -> tuple[NDArray[np.bool_], list[Floats]]:
+def union(*, boxes: int, form: int) -> tuple[Booleans, list[Floats]]:
     """Return which cells of a grid are filled, (g, g, g), and where the grid's planes are.
 
     The union grows from the middle cell to one neighbour after the other, at random by the seed

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from synthnet.arrays import Booleans, Floats, Int64s
 from synthnet.families.atlas import Atlas
 from synthnet.families.polyhedra import polyhedron
-from synthnet.spectrum.arrays import Floats, Int64s
 
 AROUND = ((1, 2), (2, 0), (0, 1))  # of each axis the two others, which turn about it
 # A square from (0, 0) to (2, 2) in eight triangles, each with one corner of the square.
@@ -29,7 +28,7 @@ SQUARE = np.array(
 FLAT = 8  # triangles of SQUARE around a point of a plane that is a corner of squares
 
 
-def boundary(filled: NDArray[np.bool_], planes: Sequence[Floats]) -> Atlas:
+def boundary(filled: Booleans, planes: Sequence[Floats]) -> Atlas:
     """Return the surface of filled cells, each of its squares in eight patches.
 
     Parameters
@@ -64,7 +63,7 @@ def _at(planes: Floats, halves: Int64s) -> Floats:
     return np.asarray((planes[halves // 2] + planes[(halves + 1) // 2]) / 2)
 
 
-def is_manifold(filled: NDArray[np.bool_]) -> bool:
+def is_manifold(filled: Booleans) -> bool:
     """Return whether the boundary of filled cells is a surface, pinched nowhere.
 
     It is if, of the eight cells around each corner of the grid, the filled ones are connected by
@@ -76,12 +75,12 @@ def is_manifold(filled: NDArray[np.bool_]) -> bool:
     return all(is_connected(part) for cells in around for part in (cells, ~cells))
 
 
-def is_connected(filled: NDArray[np.bool_]) -> bool:
+def is_connected(filled: Booleans) -> bool:
     """Return whether filled cells are connected by their faces, or there are none."""
     return int(ndimage.label(filled)[1]) <= 1
 
 
-def euler(filled: NDArray[np.bool_]) -> int:
+def euler(filled: Booleans) -> int:
     """Return the surface's Euler characteristic: twice corners − edges + squares − cells."""
     total = 0
     for flat in np.ndindex(2, 2, 2):  # along which axes an element has no extent

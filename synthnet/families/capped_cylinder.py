@@ -1,11 +1,11 @@
 """Closed cylinders (of 2.0), all vertices on the smooth cylinder."""
 
+from synthnet.arrays import Floats
 from synthnet.families import limits
 from synthnet.families.atlas import Atlas, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.revolution import Corner, turned
-from synthnet.spectrum.arrays import Floats
 
 
 def atlas(*, radius: float, height: float, **_: object) -> Atlas:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthnet.arrays import Floats
 from synthnet.families import remesh
 from synthnet.families.atlas import Atlas, Charted
 from synthnet.families.family import Choice, Euler, Family
@@ -73,7 +73,7 @@ def charted(
     boundaries: int = 0,
     orientable: bool = True,
     most: Mapping[str, float] | None = None,
-    limit: Callable[..., NDArray[np.float64]] | None = None,
+    limit: Callable[..., Floats] | None = None,
     halves: bool = False,
     pieces: Callable[..., Atlas] | None = None,
 ) -> Family:

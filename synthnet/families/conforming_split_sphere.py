@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from synthnet.arrays import Floats
 from synthnet.families import limits
 from synthnet.families.atlas import Atlas
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.radial import radial
-from synthnet.spectrum.arrays import Floats
 
 
 def atlas(*, radius: float, **_: object) -> Atlas:

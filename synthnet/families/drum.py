@@ -12,11 +12,11 @@ P. Buser, J. Conway, P. Doyle, K.-D. Semmler, "Some planar isospectral domains",
 
 import numpy as np
 
+from synthnet.arrays import Floats
 from synthnet.families.atlas import Atlas
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.polyhedra import flat, polyhedron
-from synthnet.spectrum.arrays import Floats
 
 # Corners have the names they have where the triangle is half a unit square. Each triangle but
 # the first shares its last two corners with one before it; all turn counter-clockwise.

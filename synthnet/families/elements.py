@@ -24,9 +24,9 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy import special
 
+from synthnet.arrays import Floats
 from synthnet.families.atlas import SAME, Atlas, Charted, lattice
 from synthnet.families.limits import lobatto
-from synthnet.spectrum.arrays import Floats
 from synthnet.spectrum.fem import Matrices, gathered, products
 
 

@@ -22,9 +22,7 @@ from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any, TypeAlias, TypeGuard
 
-import numpy as np
-from numpy.typing import NDArray
-
+from synthnet.arrays import Floats
 from synthnet.families import surface_limits
 from synthnet.families.atlas import Atlas
 from synthnet.families.limits import KNOWN, Limit
@@ -85,7 +83,7 @@ class Family:
     atlas: Callable[..., Atlas]
     least: Mapping[str, float | Choice]
     euler_characteristic: Euler = 2
-    limit: Callable[..., NDArray[np.float64]] | None = None
+    limit: Callable[..., Floats] | None = None
     congruent: Callable[[Parameters], Parameters] | None = None
     shared: Callable[[Parameters], Parameters] | None = None
     most: Mapping[str, float] = field(default_factory=dict)
@@ -148,7 +146,7 @@ class Family:
         """Return a text that is equal for triangulations of one surface."""
         return json.dumps([self.name, self._shape(parameters)], sort_keys=True)
 
-    def limit_eigenvalues(self, parameters: Parameters, k: int = 10) -> NDArray[np.float64] | None:
+    def limit_eigenvalues(self, parameters: Parameters, k: int = 10) -> Floats | None:
         """Return the first k non-zero eigenvalues of the smooth surface, or None if not known.
 
         Returns

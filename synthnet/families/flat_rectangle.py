@@ -1,11 +1,11 @@
 """Flat rectangles, with boundary."""
 
+from synthnet.arrays import Floats
 from synthnet.families import limits
 from synthnet.families.atlas import Atlas, rectangle
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.polyhedra import flat, lines, polyhedron
-from synthnet.spectrum.arrays import Floats
 
 
 def atlas(*, width: float, height: float) -> Atlas:

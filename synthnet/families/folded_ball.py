@@ -19,11 +19,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from synthnet.arrays import Floats
 from synthnet.families.atlas import Atlas
 from synthnet.families.charted import charted
 from synthnet.families.family import SHORTEST
 from synthnet.families.radial import radial, unit_vectors
-from synthnet.spectrum.arrays import Floats
 
 WAVES = 12  # m
 NARROW = 2.0  # how narrow valleys are

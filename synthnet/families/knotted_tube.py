@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.families.atlas import Atlas, rectangle, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.spectrum.arrays import Floats, Int64s
 
 KNOTS = ((1, 2), (1, 3), (2, 3), (3, 2), (2, 5), (3, 4))  # times round the axis, and the tube
 RADIUS = 0.45  # the knot winds on a torus of this radius about the unit circle

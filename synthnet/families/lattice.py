@@ -3,20 +3,19 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthnet.arrays import Booleans, Floats
 from synthnet.families import boxes
 from synthnet.families.atlas import Atlas, borders
 from synthnet.families.charted import charted
 from synthnet.families.family import SHORTEST
-from synthnet.spectrum.arrays import Floats
 
 LEFT_OUT = 0.25  # of the struts, about: none without which the lattice would fall apart
 
 
 def frame(
     *, columns: int, rows: int, layers: int, strut: float, form: int
-) -> tuple[NDArray[np.bool_], list[Floats]]:
+) -> tuple[Booleans, list[Floats]]:
     """Return which cells of a grid are filled, and where its planes are.
 
     Cells with even numbers are nodes, those between two nodes struts. ``strut`` is how thick these

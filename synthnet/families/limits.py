@@ -23,7 +23,7 @@ from numpy.polynomial import legendre
 from scipy import linalg, sparse
 from scipy.sparse.linalg import LinearOperator, eigsh
 
-from synthnet.spectrum.arrays import Floats
+from synthnet.arrays import Floats
 from synthnet.spectrum.fem import products
 
 DEGREE = 10  # the polynomials on an element have this degree

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.families.atlas import Atlas, rectangle, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.spectrum.arrays import Floats, Int64s
 
 
 def atlas(*, width: float, half_turns: int) -> Atlas:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.families.atlas import Atlas, glue_charts, rectangle, rows
 from synthnet.families.polyhedra import flat
-from synthnet.spectrum.arrays import Floats, Int64s
 
 OUTWARD = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])  # from a cell's four sides
 ALONG = np.roll(OUTWARD, -1, axis=0)  # counter-clockwise

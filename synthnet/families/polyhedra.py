@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthnet.arrays import Booleans, Floats
 from synthnet.families.atlas import SAME, Atlas, glue_charts, rectangle, rows
-from synthnet.spectrum.arrays import Floats
 
 
 def polyhedron(*faces: Floats, singular: Floats | None = None) -> Atlas:
@@ -22,7 +21,7 @@ def polyhedron(*faces: Floats, singular: Floats | None = None) -> Atlas:
         Corners to which a graded mesh is finer; see :class:`~synthnet.families.atlas.Atlas`.
     """
     corners, charts = glue_charts(faces)
-    marked: NDArray[np.bool_] | None = None
+    marked: Booleans | None = None
     if singular is not None:
         near = SAME * float(np.ptp(corners.reshape(-1, 3), axis=0).max())
         apart = np.linalg.norm(corners[:, :, None] - singular, axis=3)

@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.families.atlas import Atlas, glue_charts, rectangle
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.spectrum.arrays import Floats, Int64s
 
 
 def atlas(*, genus: int, hole: float, thickness: float, stretch: float, bend: float) -> Atlas:

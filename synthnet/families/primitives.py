@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.mesh.adjacency import connected
 from synthnet.mesh.open3d import from_open3d, load_open3d
 from synthnet.mesh.repair import compact
-from synthnet.spectrum.arrays import Floats, Int64s
 from synthnet.types import Mesh
 
 PLANE = 1e-9  # distance under which a point lies on a plane, or two points are one

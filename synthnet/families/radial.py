@@ -5,8 +5,8 @@ from itertools import combinations
 
 import numpy as np
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.families.atlas import Atlas
-from synthnet.spectrum.arrays import Floats, Int64s
 
 GOLDEN = (1 + np.sqrt(5)) / 2
 CORNERS = np.array(

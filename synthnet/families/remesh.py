@@ -5,17 +5,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.arrays import Booleans, Floats, Int64s
 from synthnet.families.atlas import SAME, Atlas, Charted
 from synthnet.kernels import kernel
 from synthnet.mesh.adjacency import edge_keys, joined_half_edges
-from synthnet.spectrum.arrays import Floats, Int64s
 
 REACH = 0.4  # how far a vertex moves towards the far side of a triangle beside it, at most
 HALF = 1e-6  # of the width: so far from the plane a triangle counts as beyond it
 COCIRCULAR = 1e-6  # sum of cotangents under which an edge is as good as its flip
 
 
-def refine(mesh: Charted, marked: NDArray[np.bool_]) -> Charted:
+def refine(mesh: Charted, marked: Booleans) -> Charted:
     """Split marked triangles into four, and their neighbours so that the mesh conforms.
 
     A triangle with two or three split edges is split into four, one with a single split edge
@@ -124,7 +124,7 @@ def jittered(atlas: Atlas, mesh: Charted, rng: np.random.Generator) -> Charted:
     return Charted(mesh.faces, corners, mesh.charts)
 
 
-def _free(mesh: Charted) -> NDArray[np.bool_]:
+def _free(mesh: Charted) -> Booleans:
     """Return which vertices are inside a chart: one chart, one set of coordinates, no border."""
     first = mesh.first_corners()
     d = mesh.corners.shape[2]
@@ -181,7 +181,7 @@ def _flip(
     faces: Int64s,
     corner_of: Int64s,
     twin: Int64s,
-    fixed: NDArray[np.bool_],
+    fixed: Booleans,
 ) -> None:
     """Flip edges in place, from a stack, until every edge is Delaunay or each had ten turns.
 
@@ -231,7 +231,7 @@ def _improves(points: Floats, face: Int64s, twins: Int64s, h: int) -> bool:
 
 @kernel
 def _turn(
-    face: Int64s, origin: Int64s, twins: Int64s, stays: NDArray[np.bool_], h: int
+    face: Int64s, origin: Int64s, twins: Int64s, stays: Booleans, h: int
 ) -> tuple[int, int, int, int]:
     """Flip half-edge h in its two faces; return the half-edges of the four sides around them."""
     t = twins[h]

@@ -8,8 +8,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.families.atlas import Atlas, glue_charts, rectangle
-from synthnet.spectrum.arrays import Floats, Int64s
 
 Profile: TypeAlias = Callable[[Floats], tuple[Floats, Floats]]
 Corner: TypeAlias = tuple[float, float]  # radius and height

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.families import flat_rectangle
 from synthnet.families.atlas import Atlas
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
-from synthnet.spectrum.arrays import Floats, Int64s
 
 
 def atlas(*, width: float, height: float, angle: float) -> Atlas:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.families.atlas import Atlas, glue_charts, rectangle, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import SHORTEST
-from synthnet.spectrum.arrays import Floats, Int64s
 
 SIGNS = (1.0, -1.0)
 AXES = np.eye(3)

@@ -5,11 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from synthnet.arrays import Floats
 from synthnet.families import limits
 from synthnet.families.atlas import Atlas, borders, rows
 from synthnet.families.charted import charted
 from synthnet.families.revolution import Corner, turned
-from synthnet.spectrum.arrays import Floats
 
 SLENDER = 0.8  # lengths and radii of steps are 10^-0.8 to 1
 TAPERED = 0.3  # of the steps, about, have another radius at their end

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.families.atlas import Atlas, borders
 from synthnet.families.charted import charted
 from synthnet.families.family import SHORTEST
 from synthnet.families.plates import Plate
-from synthnet.spectrum.arrays import Floats, Int64s
 
 HEADINGS = np.pi / 4 * np.arange(-2, 3)  # from the x axis: a profile never turns back on itself
 DRILLED = 0.4  # of the flanges' cells, about

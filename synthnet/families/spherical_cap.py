@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
+from synthnet.arrays import Floats
 from synthnet.families import limits
 from synthnet.families.atlas import Atlas, rows
 from synthnet.families.charted import charted
 from synthnet.families.limits import Arc
 from synthnet.families.revolution import Piece, revolution
-from synthnet.spectrum.arrays import Floats
 
 
 def atlas(*, angle: float) -> Atlas:

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 
+from synthnet.arrays import Floats
 from synthnet.families.atlas import Atlas, rectangle
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.polyhedra import flat
 from synthnet.families.radial import radial
-from synthnet.spectrum.arrays import Floats
 
 SHRINK = 0.2  # a patch at a crease is so much narrower than its neighbour
 CREASE = 1e-3

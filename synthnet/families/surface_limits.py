@@ -26,13 +26,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthnet.arrays import Booleans, Floats, Int64s
 from synthnet.errors import SpectrumError
 from synthnet.families.atlas import Atlas, Charted
 from synthnet.families.elements import assemble
 from synthnet.families.limits import Limit
-from synthnet.spectrum.arrays import Floats, Int64s
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.spectrum.search import Setting, search
@@ -118,7 +117,7 @@ def layers_at(atlas: Atlas) -> Int64s:
     return np.asarray(layers, dtype=np.int64)
 
 
-def _corners(atlas: Atlas) -> tuple[Floats, NDArray[np.bool_]]:
+def _corners(atlas: Atlas) -> tuple[Floats, Booleans]:
     """Return each patch corner's angle on the surface, and whether the chart has a kink there."""
     near, rays = 1e-4, 9
     t = np.linspace(0, 1, rays)

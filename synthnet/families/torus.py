@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
+from synthnet.arrays import Floats
 from synthnet.families import limits, primitives, twisted_torus
 from synthnet.families.atlas import Atlas
 from synthnet.families.family import POSITIVE, Family
 from synthnet.families.limits import Arc
-from synthnet.spectrum.arrays import Floats
 
 
 def limit(k: int, *, torus_radius: float, tube_radius: float, **_: float) -> Floats:

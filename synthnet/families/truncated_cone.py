@@ -2,12 +2,12 @@
 
 import math
 
+from synthnet.arrays import Floats
 from synthnet.families import limits
 from synthnet.families.atlas import Atlas, rows
 from synthnet.families.charted import charted
 from synthnet.families.family import POSITIVE
 from synthnet.families.revolution import Corner, turned
-from synthnet.spectrum.arrays import Floats
 
 
 def atlas(*, radius: float, height: float, scaling: float, **_: object) -> Atlas:

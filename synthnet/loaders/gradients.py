@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet import spectrum
+from synthnet.arrays import Int64s
 from synthnet.errors import needed_by
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.spectrum.derivative import clusters, vertex_gradient
@@ -145,9 +146,7 @@ class _Eigenvalues(torch.autograd.Function):
         return torch.from_numpy(inner).to(dtype=dtype, device=device), None, None, None
 
 
-def _with_whole_clusters(
-    mesh: Mesh, k: int, tolerance: float
-) -> tuple[Spectrum, NDArray[np.int64]]:
+def _with_whole_clusters(mesh: Mesh, k: int, tolerance: float) -> tuple[Spectrum, Int64s]:
     """Return at least k eigenpairs, the whole cluster of the k-th included, and their clusters."""
     most = len(mesh.vertices) - MeshFacts(mesh).n_components
     more = 1

@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from synthnet import store
+from synthnet.arrays import Int32s, Int64s
 from synthnet.errors import DamagedError
 from synthnet.store import unpacked
 from synthnet.store.files import one_line
@@ -172,7 +173,7 @@ def write_shapes(to: Path, dataset: store.StoredDataset) -> None:
     pq.write_table(pa.table(columns), to / TABLE)
 
 
-def _digest(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> bytes:
+def _digest(vertices: NDArray[np.float32], faces: Int32s) -> bytes:
     """Return the SHA-256 of a mesh as it is unpacked."""
     state = hashlib.sha256(vertices.data)
     state.update(faces.data)
@@ -185,5 +186,5 @@ def _write_header(file: IO[bytes], rows: int, dtype: np.dtype[Any]) -> None:
     np.lib.format.write_array_header_1_0(file, header)
 
 
-def _offsets(lengths: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
+def _offsets(lengths: NDArray[np.integer[Any]]) -> Int64s:
     return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synthnet import recipe, store
+from synthnet.arrays import Booleans
 from synthnet.build.limits import add_missing
 from synthnet.build.versions import ensure_built
 from synthnet.errors import DamagedError, RecipeError, StoreError, needed_by
@@ -227,7 +228,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         numbers: list[int] = np.flatnonzero(mine).tolist()
         return numbers
 
-    def _held_out_or_not(self, shapes: MappedShapes) -> NDArray[np.bool_]:
+    def _held_out_or_not(self, shapes: MappedShapes) -> Booleans:
         """Return which shapes the split has under a protocol of the version's own."""
         drawn_by = recipe.load(self.version)
         parts = splits.folds(drawn_by, self.protocol, self.split)

@@ -5,8 +5,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
+from synthnet.arrays import Int64s
 
-def edge_keys(faces: NDArray[np.integer]) -> NDArray[np.int64]:
+
+def edge_keys(faces: NDArray[np.integer]) -> Int64s:
     """Return a number of the edge from corner i to corner i + 1 of each face, (3 m,).
 
     Examples
@@ -16,11 +18,11 @@ def edge_keys(faces: NDArray[np.integer]) -> NDArray[np.int64]:
     """
     tails, heads = faces.ravel().astype(np.int64), np.roll(faces, -1, axis=1).ravel()
     low, high = np.minimum(tails, heads), np.maximum(tails, heads)
-    keys: NDArray[np.int64] = low * (int(faces.max(initial=0)) + 1) + high
+    keys: Int64s = low * (int(faces.max(initial=0)) + 1) + high
     return keys
 
 
-def joined_half_edges(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def joined_half_edges(keys: Int64s) -> tuple[Int64s, Int64s]:
     """Return pairs of half-edges 3 f + i that share an edge, (e,) twice.
 
     Of an edge of more than two faces these are each with the next, so that all are connected.
@@ -32,7 +34,7 @@ def joined_half_edges(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArr
 
 def neighbours(
     faces: NDArray[np.integer],
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[Int64s, Int64s, Int64s]:
     """Return the two faces of each inner edge, (e,) twice, and where it begins in each, (e, 2).
 
     An edge that begins at corner i of a face goes on to corner i + 1.
@@ -41,9 +43,7 @@ def neighbours(
     return first // 3, second // 3, np.stack([first % 3, second % 3], axis=1)
 
 
-def connected(
-    count: int, tails: NDArray[np.integer], heads: NDArray[np.integer]
-) -> NDArray[np.int64]:
+def connected(count: int, tails: NDArray[np.integer], heads: NDArray[np.integer]) -> Int64s:
     """Return the number of the component of each of ``count`` nodes, (count,).
 
     Examples
@@ -52,11 +52,11 @@ def connected(
     [0, 1, 2, 0]
     """
     graph = sparse.coo_matrix((np.ones(len(tails), bool), (tails, heads)), shape=(count, count))
-    labels: NDArray[np.int64] = connected_components(graph, directed=False)[1].astype(np.int64)
+    labels: Int64s = connected_components(graph, directed=False)[1].astype(np.int64)
     return labels
 
 
-def face_components(faces: NDArray[np.integer]) -> NDArray[np.int64]:
+def face_components(faces: NDArray[np.integer]) -> Int64s:
     """Return the component of each face, (m,): faces that share an edge are in one."""
     left, right, _ = neighbours(faces)
     return connected(len(faces), left, right)

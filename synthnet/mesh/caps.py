@@ -7,8 +7,8 @@ would. A cap whose longest edge is a boundary is dropped: the boundary then pass
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthnet.arrays import Booleans, Int64s
 from synthnet.mesh.adjacency import edge_keys
 from synthnet.mesh.geometry import MeshFacts, corner_edges
 from synthnet.types import Mesh
@@ -17,7 +17,7 @@ FLAT = 1e-9  # altitude / longest edge, at or below which a triangle has no area
 ROUNDS = 200  # at most; each takes away the outermost cap of a chain
 
 
-def flat(mesh: Mesh) -> NDArray[np.bool_]:
+def flat(mesh: Mesh) -> Booleans:
     """Return which triangles have no area to speak of, (m,)."""
     return ~(MeshFacts(mesh).relative_altitudes > FLAT)  # NaN is none
 
@@ -47,7 +47,7 @@ def without_caps(mesh: Mesh) -> tuple[Mesh, int]:
     return mesh, before - int(flat(mesh).sum())
 
 
-def _one_round(mesh: Mesh, bad: NDArray[np.int64]) -> NDArray[np.int64] | None:
+def _one_round(mesh: Mesh, bad: Int64s) -> Int64s | None:
     """Flip the longest edges of ``bad`` faces, those without area; None if there is none to flip.
 
     Each face is in one flip at most.
@@ -86,7 +86,7 @@ def _one_round(mesh: Mesh, bad: NDArray[np.int64]) -> NDArray[np.int64] | None:
     return new[~gone] if taken.any() else None
 
 
-def _is_edge(keys: NDArray[np.int64], order: NDArray[np.int64], key: int) -> bool:
+def _is_edge(keys: Int64s, order: Int64s, key: int) -> bool:
     """Return whether two vertices, by their key of :func:`edge_keys`, have an edge."""
     at = int(np.searchsorted(keys, key, sorter=order))
     return at < len(keys) and int(keys[order[at]]) == key

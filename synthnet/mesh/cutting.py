@@ -8,8 +8,8 @@ with the inside between them, by the way they are turned, are one sheet.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthnet.arrays import Int64s
 from synthnet.mesh.adjacency import connected, edge_keys, joined_half_edges
 from synthnet.types import Mesh
 
@@ -50,14 +50,12 @@ def without_edges_of_many(mesh: Mesh, *, loose: bool = False) -> tuple[Mesh, int
     return separated(mesh, *np.concatenate(pairs, axis=1))[0], cut
 
 
-def _paired(
-    mesh: Mesh, halves: NDArray[np.int64], piece: NDArray[np.int64], *, loose: bool
-) -> NDArray[np.int64] | None:
+def _paired(mesh: Mesh, halves: Int64s, piece: Int64s, *, loose: bool) -> Int64s | None:
     """Return the half-edges 3 f + i of one edge in pairs, (2, p), or None where they are none.
 
     ``piece`` is the component of each; ``loose`` says whether one may be left alone.
     """
-    pairs, alone = list[NDArray[np.int64]](), list[NDArray[np.int64]]()
+    pairs, alone = list[Int64s](), list[Int64s]()
     for name in np.unique(piece):
         mine = halves[piece == name]
         if len(mine) == 1:
@@ -75,7 +73,7 @@ def _paired(
     return np.concatenate(pairs, axis=1)
 
 
-def _around(mesh: Mesh, halves: NDArray[np.int64]) -> NDArray[np.int64] | None:
+def _around(mesh: Mesh, halves: Int64s) -> Int64s | None:
     """Return half-edges in pairs that have the inside between them, (2, p), or None."""
     faces = mesh.faces.astype(np.int64)
     tails = faces[halves // 3, halves % 3]
@@ -103,7 +101,7 @@ def without_pinches(mesh: Mesh) -> tuple[Mesh, int]:
     return separated(mesh, *joined_half_edges(edge_keys(mesh.faces)))
 
 
-def separated(mesh: Mesh, first: NDArray[np.int64], second: NDArray[np.int64]) -> tuple[Mesh, int]:
+def separated(mesh: Mesh, first: Int64s, second: Int64s) -> tuple[Mesh, int]:
     """Return the mesh with a vertex for each fan of faces joined at half-edges, and how many broke.
 
     Parameters

@@ -43,12 +43,13 @@ from xml.parsers.expat import ExpatError
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.errors import SynthNetError, needed_by
 from synthnet.mesh import polygons
 from synthnet.mesh.polygons import PolygonError
 
 Rows: TypeAlias = Iterator[tuple[int, list[bytes]]]
-Lists: TypeAlias = tuple[NDArray[Any], NDArray[np.int64]]  # values in a row, how many of each
+Lists: TypeAlias = tuple[NDArray[Any], Int64s]  # values in a row, how many of each
 
 # What OBJ has beside v and f (Wavefront, Advanced Visualizer, appendix B1); an unknown word may be
 # a v or f that was damaged. Not here: call and csh, which would read other files.
@@ -108,8 +109,8 @@ class Triangles:
     ``clipped`` is the number of polygons that are not convex, of which ears were cut.
     """
 
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
+    vertices: Floats
+    faces: Int64s
     clipped: int = 0
 
 
@@ -526,7 +527,7 @@ def read_stl(content: bytes) -> Triangles:
     return _soup(rows["corners"].astype(np.float64))
 
 
-def _soup(corners: NDArray[np.float64]) -> Triangles:
+def _soup(corners: Floats) -> Triangles:
     """Return triangles that each have three vertices of their own."""
     vertices = corners.reshape(-1, 3)
     return Triangles(vertices, np.arange(len(vertices)).reshape(-1, 3))
@@ -645,10 +646,10 @@ SUFFIXES = tuple(READERS)
 
 
 def _cut(
-    vertices: NDArray[np.float64],
-    corners: NDArray[np.int64],
-    sizes: NDArray[np.int64],
-    numbers: NDArray[np.int64],
+    vertices: Floats,
+    corners: Int64s,
+    sizes: Int64s,
+    numbers: Int64s,
     unit: str = "line",
 ) -> Triangles:
     """Return the triangles of polygons, as :func:`polygons.triangles`; ``unit`` is of numbers."""

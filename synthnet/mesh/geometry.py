@@ -3,13 +3,13 @@
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.mesh.adjacency import connected, edge_keys, face_components
 from synthnet.types import Mesh
 
 
-def corner_edges(mesh: Mesh) -> NDArray[np.float64]:
+def corner_edges(mesh: Mesh) -> Floats:
     """Return the edge opposite each corner as a vector.
 
     Returns
@@ -19,18 +19,18 @@ def corner_edges(mesh: Mesh) -> NDArray[np.float64]:
         cyclic order, so that they add up to zero.
     """
     corners = mesh.vertices.astype(np.float64)[mesh.faces]
-    edges: NDArray[np.float64] = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
+    edges: Floats = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
     return edges
 
 
-def areas_of_edges(edges: NDArray[np.float64]) -> NDArray[np.float64]:
+def areas_of_edges(edges: Floats) -> Floats:
     """Return the area of each triangle, shape (m,), from :func:`corner_edges`."""
     normals = np.cross(edges[:, 0], edges[:, 1])
-    areas: NDArray[np.float64] = 0.5 * np.sqrt(np.einsum("ij,ij->i", normals, normals))
+    areas: Floats = 0.5 * np.sqrt(np.einsum("ij,ij->i", normals, normals))
     return areas
 
 
-def face_areas(mesh: Mesh) -> NDArray[np.float64]:
+def face_areas(mesh: Mesh) -> Floats:
     """Return the area of each triangle, shape (m,), in length².
 
     Examples
@@ -111,17 +111,13 @@ def enclosed_volume(mesh: Mesh) -> float:
     return float(signed.sum())
 
 
-def _products(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _products(corners: Floats) -> Floats:
     """Return the triple product of each triangle's corners, from (m, 3, 3): six signed volumes."""
-    products: NDArray[np.float64] = np.einsum(
-        "ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])
-    )
+    products: Floats = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
     return products
 
 
-def _check_cavities(
-    corners: NDArray[np.float64], pieces: NDArray[np.int64], signed: NDArray[np.float64]
-) -> None:
+def _check_cavities(corners: Floats, pieces: Int64s, signed: Floats) -> None:
     """Check that each component of negative volume is in the bounding box of a positive one."""
     low, high = np.full((len(signed), 3), np.inf), np.full((len(signed), 3), -np.inf)
     np.minimum.at(low, pieces, corners.min(axis=1))
@@ -177,30 +173,30 @@ class MeshFacts:
         return volume(self.mesh)
 
     @cached_property
-    def relative_altitudes(self) -> NDArray[np.float64]:
+    def relative_altitudes(self) -> Floats:
         """Each triangle's least altitude over its longest edge, shape (m,).
 
         Zero for a degenerate triangle, sqrt(3)/2 for an equilateral one.
         """
         edges = corner_edges(self.mesh)
         longest = np.einsum("fij,fij->fi", edges, edges).max(axis=1, initial=0.0)
-        ratios: NDArray[np.float64] = np.divide(
+        ratios: Floats = np.divide(
             2 * areas_of_edges(edges), longest, out=np.zeros(len(longest)), where=longest > 0
         )
         return ratios
 
     @cached_property
-    def _half_edges(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _half_edges(self) -> tuple[Int64s, Int64s]:
         faces = self.mesh.faces.astype(np.int64)
         return faces.ravel(), faces[:, [1, 2, 0]].ravel()
 
     @cached_property
-    def _edge_keys(self) -> NDArray[np.int64]:
+    def _edge_keys(self) -> Int64s:
         """A number of each half-edge's undirected edge, shape (3m,)."""
         return edge_keys(self.mesh.faces)
 
     @cached_property
-    def edge_valences(self) -> NDArray[np.int64]:
+    def edge_valences(self) -> Int64s:
         """Number of triangles at each undirected edge, shape (e,)."""
         _, counts = np.unique(self._edge_keys, return_counts=True)
         return counts

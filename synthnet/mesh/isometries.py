@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.arrays import Floats
 from synthnet.types import Mesh
 
 
-def random_rotation(rng: np.random.Generator) -> NDArray[np.float64]:
+def random_rotation(rng: np.random.Generator) -> Floats:
     """Draw a rotation uniformly from SO(3), shape (3, 3), float64, by trimesh.
 
     Examples
@@ -23,11 +24,11 @@ def random_rotation(rng: np.random.Generator) -> NDArray[np.float64]:
     """
     from trimesh import transformations  # as late as here, since that takes half a second
 
-    matrix: NDArray[np.float64] = transformations.random_rotation_matrix(rand=rng.random(3))
+    matrix: Floats = transformations.random_rotation_matrix(rand=rng.random(3))
     return matrix[:3, :3]
 
 
-def random_reflection(rng: np.random.Generator) -> NDArray[np.float64]:
+def random_reflection(rng: np.random.Generator) -> Floats:
     """Draw a reflection in a plane through the origin, its normal uniform on the sphere.
 
     Examples
@@ -39,13 +40,11 @@ def random_reflection(rng: np.random.Generator) -> NDArray[np.float64]:
     from trimesh import transformations
 
     normal = random_rotation(rng)[:, 2]
-    matrix: NDArray[np.float64] = transformations.reflection_matrix(np.zeros(3), normal)
+    matrix: Floats = transformations.reflection_matrix(np.zeros(3), normal)
     return matrix[:3, :3]
 
 
-def draw_isometries(
-    rotations: int, reflections: int, rng: np.random.Generator
-) -> NDArray[np.float64]:
+def draw_isometries(rotations: int, reflections: int, rng: np.random.Generator) -> Floats:
     """Draw a shape's instances.
 
     Parameters

@@ -10,8 +10,8 @@ G. H. Meisters, "Polygons have ears", American Mathematical Monthly 82 (1975).
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from synthnet.arrays import Booleans, Floats, Int64s
 from synthnet.errors import SynthNetError
 
 FLAT = 1e-9  # altitude / longest edge of an ear that has no area to speak of
@@ -28,11 +28,11 @@ class PolygonError(SynthNetError):
 
 
 def triangles(
-    vertices: NDArray[np.float64],
-    corners: NDArray[np.int64],
-    sizes: NDArray[np.int64],
-    numbers: NDArray[np.int64],
-) -> tuple[NDArray[np.int64], int]:
+    vertices: Floats,
+    corners: Int64s,
+    sizes: Int64s,
+    numbers: Int64s,
+) -> tuple[Int64s, int]:
     """Cut polygons into triangles: fans around their first corners, or ears.
 
     Parameters
@@ -92,17 +92,17 @@ def triangles(
     return faces, len(turned)
 
 
-def _turned(corners: NDArray[np.float64], polygon: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _turned(corners: Floats, polygon: Int64s) -> Booleans:
     """Return which triangles do not face as their polygon does, from corners (t, 3, 3)."""
     a, b, c = np.moveaxis(corners, 1, 0)
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite has a rule of its own
         normals = np.cross(b - a, c - a)
         whole = np.stack([np.bincount(polygon, n) for n in normals.T], axis=1)
-        facing: NDArray[np.float64] = np.einsum("ij,ij->i", normals, whole[polygon])
+        facing: Floats = np.einsum("ij,ij->i", normals, whole[polygon])
     return facing <= 0
 
 
-def _wide(corners: NDArray[np.float64], polygon: NDArray[np.int64]) -> NDArray[np.int64]:
+def _wide(corners: Floats, polygon: Int64s) -> Int64s:
     """Return the polygons whose fans open by more than half a turn, from corners (t, 3, 3).
 
     One that does not, and does not turn, cannot cross itself: its corners come one after the other
@@ -115,7 +115,7 @@ def _wide(corners: NDArray[np.float64], polygon: NDArray[np.int64]) -> NDArray[n
     return np.flatnonzero(np.bincount(polygon, angles) > np.pi)
 
 
-def _crosses(flat: NDArray[np.float64]) -> bool:
+def _crosses(flat: Floats) -> bool:
     """Return whether two sides of a polygon of corners (c, 2) cross, and not only touch."""
     ends = np.roll(flat, -1, axis=0)
     least = DEEP * np.linalg.norm(np.ptp(flat, axis=0))
@@ -127,22 +127,22 @@ def _crosses(flat: NDArray[np.float64]) -> bool:
 
 
 def _beside(
-    start: NDArray[np.float64],
-    end: NDArray[np.float64],
-    first: NDArray[np.float64],
-    second: NDArray[np.float64],
+    start: Floats,
+    end: Floats,
+    first: Floats,
+    second: Floats,
     least: np.floating,
-) -> NDArray[np.bool_]:
+) -> Booleans:
     """Return whether two points lie on either side of a line, each so far from it at the least."""
     side = end - start
     with np.errstate(invalid="ignore", divide="ignore"):
         length = np.linalg.norm(side, axis=-1)
         one, other = (_cross(side, point - start) / length for point in (first, second))
-    apart: NDArray[np.bool_] = (one * other < 0) & (np.minimum(abs(one), abs(other)) > least)
+    apart: Booleans = (one * other < 0) & (np.minimum(abs(one), abs(other)) > least)
     return apart
 
 
-def _ears(points: NDArray[np.float64], number: int) -> NDArray[np.int64]:
+def _ears(points: Floats, number: int) -> Int64s:
     """Return the triangles of a polygon, (c - 2, 3), the best ear cut first.
 
     ``points`` are its corners in their order, (c, 3); ``number`` is the polygon's, for the error.
@@ -166,7 +166,7 @@ def _ears(points: NDArray[np.float64], number: int) -> NDArray[np.int64]:
     return np.array([*ears, tuple(left)])
 
 
-def _in_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _in_plane(points: Floats) -> Floats:
     """Return the corners (c, 2) in the plane across Newell's normal, where they run to the left."""
     middle = points - points.mean(axis=0)
     normal = np.cross(middle, np.roll(middle, -1, axis=0)).sum(axis=0)
@@ -176,11 +176,11 @@ def _in_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
     up = np.cross(normal, right)
     with np.errstate(invalid="ignore", divide="ignore"):
         axes = np.stack([right / np.linalg.norm(right), up / np.linalg.norm(up)], axis=1)
-        flat: NDArray[np.float64] = middle @ axes
+        flat: Floats = middle @ axes
     return flat
 
 
-def _score(flat: NDArray[np.float64], left: list[int], at: int) -> float:
+def _score(flat: Floats, left: list[int], at: int) -> float:
     """Return altitude / longest edge of the ear at a corner; 0 if blocked, negative if reflex."""
     names = left[at - 1], left[at], left[(at + 1) % len(left)]
     a, b, c = flat[list(names)]
@@ -196,6 +196,6 @@ def _score(flat: NDArray[np.float64], left: list[int], at: int) -> float:
     return 0.0 if inside.any() else float(doubled / longest)
 
 
-def _cross(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cross(first: Floats, second: Floats) -> Floats:
     """Return the z of cross products of vectors in the plane."""
     return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]

@@ -44,6 +44,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.arrays import Booleans, Floats, Int64s
 from synthnet.errors import SynthNetError, counted
 from synthnet.mesh import caps, cutting
 from synthnet.mesh.adjacency import connected, edge_keys, face_components, neighbours
@@ -128,7 +129,7 @@ class Repaired:
     mesh: Mesh
     repairs: dict[str, int] = field(default_factory=dict)
     orientable: bool = True
-    shares: NDArray[np.float64] = field(default_factory=lambda: np.ones(1))
+    shares: Floats = field(default_factory=lambda: np.ones(1))
     components: int = 1
 
     def with_repair(self, name: str, count: int, mesh: Mesh) -> Repaired:
@@ -262,10 +263,10 @@ def has_seams(state: Repaired, join: Rule) -> bool:
     return bool(((before == 1) & (after == 2)).any())
 
 
-def _valences(faces: NDArray[np.integer]) -> NDArray[np.int64]:
+def _valences(faces: NDArray[np.integer]) -> Int64s:
     """Return how many faces the edge from corner i to corner i + 1 of each face has, (3 m,)."""
     _, number, counts = np.unique(edge_keys(faces), return_inverse=True, return_counts=True)
-    valences: NDArray[np.int64] = counts[number.ravel()]
+    valences: Int64s = counts[number.ravel()]
     return valences
 
 
@@ -329,13 +330,13 @@ def merged(state: Repaired, *, alone: bool = False) -> Repaired:
     return state.with_repair("merged vertices", len(used) - len(keep), mesh)
 
 
-def _collapsed(corners: NDArray[np.floating], joined: NDArray[np.int64]) -> int:
+def _collapsed(corners: NDArray[np.floating], joined: Int64s) -> int:
     """Return how many faces whose corners (m, 3, 3) differ have two that are joined, (m, 3)."""
     apart = (corners != np.roll(corners, 1, axis=1)).any(axis=2).all(axis=1)
     return int(np.count_nonzero(apart & _repeated(joined)))
 
 
-def _parts(corners: NDArray[np.int64], joined: NDArray[np.int64]) -> NDArray[np.int64]:
+def _parts(corners: Int64s, joined: Int64s) -> Int64s:
     """Return the part of each vertex, (n,): faces connect it, and vertices that are joined."""
     n = len(joined)
     tails = np.concatenate([corners[:, :2].ravel(), np.arange(n)])
@@ -505,13 +506,13 @@ def _diagonal(mesh: Mesh) -> float:
         return float(np.linalg.norm(np.ptp(mesh.vertices[np.unique(mesh.faces)], axis=0)))
 
 
-def _repeated(faces: NDArray[np.integer]) -> NDArray[np.bool_]:
+def _repeated(faces: NDArray[np.integer]) -> Booleans:
     """Return which faces name a vertex twice."""
-    repeated: NDArray[np.bool_] = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
+    repeated: Booleans = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
     return repeated
 
 
-def _near_in_parts(points: Vertices, part: NDArray[np.int64]) -> NDArray[np.int64]:
+def _near_in_parts(points: Vertices, part: Int64s) -> Int64s:
     """Return :func:`_near` by :data:`NEAR` of the diagonal of each point's part, (n,)."""
     least, most = np.full((2, part.max() + 1, 3), [[[np.inf]], [[-np.inf]]])
     np.minimum.at(least, part, points)
@@ -521,9 +522,7 @@ def _near_in_parts(points: Vertices, part: NDArray[np.int64]) -> NDArray[np.int6
     return _near((points - least[part]) / diagonals[part, None], NEAR, part)
 
 
-def _near(
-    points: Vertices, distance: float, part: NDArray[np.int64] | None = None
-) -> NDArray[np.int64]:
+def _near(points: Vertices, distance: float, part: Int64s | None = None) -> Int64s:
     """Return a number for each point, (n,), equal for those joined by steps below a distance.
 
     ``part`` is a number of each point, (n,); points of different ones are not joined.

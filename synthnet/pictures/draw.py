@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from synthnet import spectrum
+from synthnet.arrays import Floats
 from synthnet.errors import needed_by
 from synthnet.pictures.palette import BLUE, GREY
 from synthnet.pictures.raster import View, render
@@ -56,7 +56,7 @@ SHEET = Layout()
 class Colouring:
     """What a mesh is coloured by: a function at its vertices, its name, and the view."""
 
-    values: NDArray[np.float64]
+    values: Floats
     text: str
     view: View | None = None
 
@@ -210,7 +210,7 @@ def coloured_by(mesh: Mesh, index: int, view: View | None = None) -> Colouring:
     return Colouring(signed(computed.eigenvectors)[:, index - 1], text, view)
 
 
-def signed(eigenvectors: NDArray[np.float64]) -> NDArray[np.float64]:
+def signed(eigenvectors: Floats) -> Floats:
     """Return eigenfunctions, the columns, with signs that do not depend on the last bits.
 
     The first vertex at which a function reaches half its largest magnitude is positive.
@@ -284,7 +284,7 @@ def _text(
     drawn.set_parse_math(formulas)
 
 
-def _bars(figure: Figure, box: Box, eigenvalues: NDArray[np.float64]) -> None:
+def _bars(figure: Figure, box: Box, eigenvalues: Floats) -> None:
     axes = _axes(figure, box)
     numbers = np.arange(1, len(eigenvalues) + 1)
     axes.bar(numbers, eigenvalues, color=BLUE, width=0.6)

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import rankdata
 from scipy.stats.qmc import Halton
 
 from synthnet import recipe, store
+from synthnet.arrays import Floats
 from synthnet.build import filters
 from synthnet.errors import suggestion
 from synthnet.families import FAMILIES
@@ -169,7 +169,7 @@ def caption(spec: ShapeSpec, varying: Sequence[str]) -> list[str]:
     return [spec.id, *textwrap.wrap(", ".join(parts), LINE)]
 
 
-def spread(points: NDArray[np.float64], count: int) -> list[int]:
+def spread(points: Floats, count: int) -> list[int]:
     """Return an order of points of the unit cube, the first ``count`` from all over it.
 
     A point of Halton's sequence, moved so that it begins in the middle of the cube, takes the
@@ -207,7 +207,7 @@ def _varying(specs: Sequence[ShapeSpec]) -> tuple[str, ...]:
     return tuple(n for n in names if len({spec.parameters[n] for spec in specs}) > 1)
 
 
-def _ranks(among: Candidates) -> NDArray[np.float64]:
+def _ranks(among: Candidates) -> Floats:
     """Return the ranks of the parameters that are numbers, between 0 and 1, one row per shape."""
     columns = [[spec.parameters[name] for spec in among.specs] for name in among.varying]
     numbers = [(rankdata(c) - 0.5) / len(c) for c in columns if not isinstance(c[0], str)]

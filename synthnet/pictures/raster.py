@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.arrays import Booleans, Floats, Int64s
 from synthnet.kernels import kernel
 from synthnet.types import Mesh
 
@@ -33,7 +34,7 @@ class View:
     elevation: float = 24.0
     azimuth: float = -35.0
 
-    def axes(self) -> NDArray[np.float64]:
+    def axes(self) -> Floats:
         """Return the unit vectors to the right, up and to the viewer, as rows."""
         up, around = np.radians(self.elevation), np.radians(self.azimuth)
         right = [-np.sin(around), np.cos(around), 0.0]
@@ -54,7 +55,7 @@ def render(
     height: int,
     *,
     view: View | None = None,
-    values: NDArray[np.float64] | None = None,
+    values: Floats | None = None,
     edges: bool = False,
     transparent: bool = False,
 ) -> NDArray[np.uint8]:
@@ -131,16 +132,14 @@ def render(
     return np.asarray(np.round(255 * blocks), dtype=np.uint8)
 
 
-def _without_white(
-    picture: NDArray[np.float64], opaque: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _without_white(picture: Floats, opaque: Floats) -> Floats:
     """Return a picture on white as one on nothing, from how much of each pixel is covered."""
     share = np.maximum(opaque, 1e-9)[..., None]
     colours = np.clip(1 - (1 - picture) / share, 0, 1)
     return np.concatenate([np.where(share > 1e-9, colours, 1.0), opaque[..., None]], axis=2)
 
 
-def _check(mesh: Mesh, width: int, height: int, values: NDArray[np.float64] | None) -> None:
+def _check(mesh: Mesh, width: int, height: int, values: Floats | None) -> None:
     if min(width, height) < 1:
         raise ValueError(f"a picture has at least one pixel, got {width} x {height}")
     if not len(mesh.faces):
@@ -153,9 +152,7 @@ def _check(mesh: Mesh, width: int, height: int, values: NDArray[np.float64] | No
         raise ValueError("a function with a value that is not finite cannot be drawn")
 
 
-def _on_screen(
-    vertices: NDArray[np.float64], width: int, height: int
-) -> tuple[NDArray[np.float64], float]:
+def _on_screen(vertices: Floats, width: int, height: int) -> tuple[Floats, float]:
     """Return x to the right, y down and depth to the viewer in pixels, and pixels a length."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     room = np.array([width, height]) - 2 * MARGIN * min(width, height)
@@ -167,11 +164,11 @@ def _on_screen(
 
 @kernel
 def _nearest(
-    points: NDArray[np.float64],
-    faces: NDArray[np.int64],
-    depth: NDArray[np.float64],
-    owner: NDArray[np.int64],
-    weights: NDArray[np.float64],
+    points: Floats,
+    faces: Int64s,
+    depth: Floats,
+    owner: Int64s,
+    weights: Floats,
 ) -> None:
     """Set each pixel's depth, triangle and barycentric weights to those of the nearest one."""
     height, width = depth.shape
@@ -202,19 +199,17 @@ def _nearest(
                     weights[row, column, 2] = w
 
 
-def _shades(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64], darkest: float
-) -> NDArray[np.float64]:
+def _shades(vertices: Floats, faces: Int64s, darkest: float) -> Floats:
     """Return the shade of each triangle, its normal turned to the viewer, up to 1."""
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     normals[normals[:, 2] < 0] *= -1
-    shades: NDArray[np.float64] = darkest + (1 - darkest) * (1 + normals @ LIGHT) / 2
+    shades: Floats = darkest + (1 - darkest) * (1 + normals @ LIGHT) / 2
     return shades
 
 
-def diverging(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def diverging(values: Floats) -> Floats:
     """Return the colours (p, 3) of p values from −1 to 1: blue, white at zero, orange.
 
     Examples
@@ -223,13 +218,11 @@ def diverging(values: NDArray[np.float64]) -> NDArray[np.float64]:
     [[1.0, 1.0, 1.0], [0.902, 0.624, 0.0]]
     """
     ends = np.where(values[:, None] < 0, NEGATIVE, POSITIVE)
-    colours: NDArray[np.float64] = 1 - np.abs(values)[:, None] * (1 - ends)
+    colours: Floats = 1 - np.abs(values)[:, None] * (1 - ends)
     return colours
 
 
-def _sides(
-    points: NDArray[np.float64], faces: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _sides(points: Floats, faces: Int64s) -> tuple[Floats, Floats]:
     """Return each triangle's sides on the screen, (m, 3, 2), and twice its area there, (m,)."""
     corners = points[faces][:, :, :2]
     sides = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]
@@ -237,11 +230,11 @@ def _sides(
 
 
 def _edges(
-    points: NDArray[np.float64],
-    faces: NDArray[np.int64],
-    face: NDArray[np.int64],
-    weight: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    points: Floats,
+    faces: Int64s,
+    face: Int64s,
+    weight: Floats,
+) -> Floats:
     """Return how much ink each seen pixel gets from the edges of its triangle."""
     sides, doubled = _sides(points, faces)
     altitudes = doubled[:, None] / np.maximum(np.linalg.norm(sides, axis=2), 1e-300)
@@ -251,12 +244,12 @@ def _edges(
 
 
 def _contour(
-    points: NDArray[np.float64],
-    faces: NDArray[np.int64],
-    values: NDArray[np.float64],
-    face: NDArray[np.int64],
-    weight: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    points: Floats,
+    faces: Int64s,
+    values: Floats,
+    face: Int64s,
+    weight: Floats,
+) -> Floats:
     """Return 1 for the seen pixels at the zero of a function that is linear on triangles.
 
     A value over the length of its gradient is how far on the screen the zero is, in the
@@ -269,7 +262,7 @@ def _contour(
     return np.asarray(value < slope[face] * CONTOUR_WIDTH * SAMPLES / 2, dtype=np.float64)
 
 
-def _outline(depth: NDArray[np.float64], jump: float) -> NDArray[np.bool_]:
+def _outline(depth: Floats, jump: float) -> Booleans:
     """Return the pixels beside which the surface ends, or begins again further back."""
     reach = max(1, round(OUTLINE_WIDTH * SAMPLES / 2))
     padded = np.pad(depth, reach, constant_values=-np.inf)
@@ -282,5 +275,5 @@ def _outline(depth: NDArray[np.float64], jump: float) -> NDArray[np.bool_]:
     return outline
 
 
-def _inked(colours: NDArray[np.float64], ink: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inked(colours: Floats, ink: Floats) -> Floats:
     return colours * (1 - ink[:, None]) + np.array(INK) * ink[:, None]

@@ -1,8 +1,6 @@
 """The shapes of a recipe: each drawn from its own seed, so order and parallelism cannot matter."""
 
-import numpy as np
-from numpy.typing import NDArray
-
+from synthnet.arrays import Floats
 from synthnet.errors import RecipeError
 from synthnet.families import FAMILIES
 from synthnet.families.charted import TRIANGULATION
@@ -46,7 +44,7 @@ def draw_shape(recipe: Recipe, family: str, index: int) -> ShapeSpec:
     )
 
 
-def draw_instances(recipe: Recipe, spec: ShapeSpec) -> NDArray[np.float64]:
+def draw_instances(recipe: Recipe, spec: ShapeSpec) -> Floats:
     """Draw the isometries of a shape's instances from its own seed, shape (c, 3, 3), float64."""
     rng = generator(recipe.seed, spec.family, spec.index, ISOMETRIES)
     return draw_isometries(recipe.augmentation.rotations, recipe.augmentation.reflections, rng)

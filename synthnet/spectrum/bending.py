@@ -22,9 +22,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from synthnet.arrays import Booleans, Floats, Int32s
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import fem
-from synthnet.spectrum.arrays import Booleans, Floats, Int32s
 from synthnet.types import Mesh
 
 CREASE = 55.0  # degrees between the normals of two triangles: below those of a hexagon's sides

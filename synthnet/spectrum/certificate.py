@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from synthnet.arrays import Floats
 from synthnet.errors import CertificateError, SpectrumError
-from synthnet.spectrum.arrays import Floats
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ldl import Factor, factorise
 from synthnet.spectrum.ordering import Ordering

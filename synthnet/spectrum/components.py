@@ -13,7 +13,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from synthnet.spectrum.arrays import Booleans, Floats, Int32s, Int64s
+from synthnet.arrays import Booleans, Floats, Int32s, Int64s
 from synthnet.spectrum.certificate import SAFETY, Candidate, inertia
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering, find_ordering

@@ -17,9 +17,9 @@ surfaces", SIAM J. Numer. Anal. 47 (2009): why the surface's own approximation l
 
 import numpy as np
 
+from synthnet.arrays import Booleans, Floats, Int32s
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import fem
-from synthnet.spectrum.arrays import Booleans, Floats, Int32s
 from synthnet.spectrum.bending import Patches, cross, dot
 from synthnet.spectrum.fem import Matrices, products
 

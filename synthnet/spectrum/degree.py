@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from synthnet.arrays import Int32s, Int64s
 from synthnet.kernels import kernel, part
-from synthnet.spectrum.arrays import Int32s, Int64s
 
 
 class _Quotient(NamedTuple):

@@ -15,10 +15,10 @@ digital geometry processing", Computing 81 (2007).
 
 import numpy as np
 
+from synthnet.arrays import Booleans, Floats, Int64s
 from synthnet.kernels import kernel
 from synthnet.mesh.adjacency import edge_keys, joined_half_edges
 from synthnet.mesh.geometry import MeshFacts, corner_edges
-from synthnet.spectrum.arrays import Booleans, Floats, Int64s
 from synthnet.spectrum.fem import REMEDY, Matrices, gathered
 from synthnet.types import Mesh
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.mesh.geometry import corner_edges
-from synthnet.spectrum.arrays import Floats, Int64s
 from synthnet.types import Mesh, Spectrum
 
 

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from synthnet.arrays import Booleans, Floats, Int32s
 from synthnet.kernels import kernel, part
-from synthnet.spectrum.arrays import Booleans, Floats, Int32s
 from synthnet.spectrum.fem import grouped
 
 PART = 8_000  # vertices of a part that is not cut: fewer make little difference

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from synthnet.arrays import Booleans, Floats, Int32s
 from synthnet.kernels import kernel
-from synthnet.spectrum.arrays import Booleans, Floats, Int32s
 from synthnet.spectrum.inputs import check
 from synthnet.types import Mesh
 

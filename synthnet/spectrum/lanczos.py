@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import linalg
 
+from synthnet.arrays import Floats, Int32s
 from synthnet.kernels import kernel
-from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.fem import Matrices, multiply, multiply_two
 from synthnet.spectrum.ldl import Factor
 from synthnet.spectrum.ordering import Ordering

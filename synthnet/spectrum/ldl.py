@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from synthnet.arrays import Floats, Int32s, Int64s
 from synthnet.kernels import kernel, uncounted
-from synthnet.spectrum.arrays import Floats, Int32s, Int64s
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.ordering import Ordering
 from synthnet.spectrum.portions import in_turn

@@ -18,10 +18,10 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from scipy import sparse
 
+from synthnet.arrays import Booleans, Floats, Int32s, Int64s
 from synthnet.errors import needed_by
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.spectrum import bending, curved, delaunay, fem
-from synthnet.spectrum.arrays import Booleans, Floats, Int32s, Int64s
 from synthnet.spectrum.fem import Matrices
 from synthnet.types import Mesh
 

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from synthnet.arrays import Int32s, Int64s
 from synthnet.kernels import kernel
-from synthnet.spectrum.arrays import Int32s, Int64s
 from synthnet.spectrum.degree import minimum_degree
 from synthnet.spectrum.dissection import dissect
 from synthnet.spectrum.fem import grouped

@@ -35,6 +35,8 @@ from numpy.typing import NDArray
 from scipy import linalg, sparse
 from scipy.sparse.linalg import eigsh, splu
 
+from synthnet.arrays import Floats
+
 
 def matrices(
     vertices: NDArray[np.floating[Any]], faces: NDArray[np.integer[Any]]
@@ -79,7 +81,7 @@ def matrices(
     rows, columns = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, 3).ravel()
     shape = (len(vertices), len(vertices))
 
-    def assembled(parts: NDArray[np.float64]) -> sparse.csc_array:
+    def assembled(parts: Floats) -> sparse.csc_array:
         return sparse.coo_array((parts.ravel(), (rows, columns)), shape=shape).tocsc()
 
     return assembled(stiffness), assembled(mass)
@@ -87,7 +89,7 @@ def matrices(
 
 def eigenpairs(
     stiffness: sparse.csc_array, mass: sparse.csc_array, k: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Floats, Floats]:
     r"""Find the k smallest eigenpairs of :math:`A u = \lambda B u`, the zero included.
 
     By shift and invert: the eigenvalues next to σ are the largest in absolute value of
@@ -128,7 +130,7 @@ def eigenpairs(
     return values[order], vectors[:, order]
 
 
-def all_eigenvalues(stiffness: sparse.csc_array, mass: sparse.csc_array) -> NDArray[np.float64]:
+def all_eigenvalues(stiffness: sparse.csc_array, mass: sparse.csc_array) -> Floats:
     """Return all n eigenvalues in 1/length², ascending, by LAPACK, which misses none.
 
     It takes n² numbers of memory and n³ operations: a quarter of a minute for 3,000 vertices.

@@ -30,8 +30,8 @@ import numpy as np
 from scipy import linalg
 from scipy.linalg import lapack
 
+from synthnet.arrays import Floats, Int32s
 from synthnet.kernels import kernel, uncounted
-from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.certificate import Candidate
 from synthnet.spectrum.components import unheld
 from synthnet.spectrum.fem import FEW, PIECE, Matrices, as_arrays, multiply, pieces

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
+from synthnet.arrays import Booleans, Floats
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
-from synthnet.spectrum.arrays import Booleans, Floats
 from synthnet.spectrum.certificate import (
     NEAR_ZERO,
     Candidate,

@@ -10,10 +10,10 @@ import warnings
 
 import numpy as np
 
+from synthnet.arrays import Floats, Int32s
 from synthnet.errors import counted
 from synthnet.kernels import kernel
 from synthnet.spectrum import fem
-from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.types import Mesh
 
 JOINED = "compute(…, repair=True).mesh has equal corners joined"  # the ends of warnings

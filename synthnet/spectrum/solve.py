@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
+from synthnet.arrays import Floats, Int32s
 from synthnet.errors import SpectrumError
 from synthnet.mesh.repair import Repaired
 from synthnet.processes import keep_freed_memory
 from synthnet.spectrum import components, rounding
-from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.certificate import (
     Candidate,
     certify,

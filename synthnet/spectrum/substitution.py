@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from synthnet.arrays import Floats, Int32s
 from synthnet.kernels import kernel, uncounted
-from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.ldl import Factor
 from synthnet.spectrum.ordering import Ordering
 from synthnet.spectrum.portions import side_by_side

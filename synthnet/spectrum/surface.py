@@ -25,10 +25,10 @@ from typing import Any
 
 import numpy as np
 
+from synthnet.arrays import Floats, Int32s
 from synthnet.errors import SpectrumError
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import curved, fem
-from synthnet.spectrum.arrays import Floats, Int32s
 from synthnet.spectrum.bending import Patches, bend
 from synthnet.spectrum.inputs import as_mesh, check_count
 from synthnet.spectrum.sheets import warn_of_sheets

@@ -1,7 +1,7 @@
 """Loops over long vectors, which read one once for several others: most of the time is in them."""
 
+from synthnet.arrays import Floats
 from synthnet.kernels import kernel
-from synthnet.spectrum.arrays import Floats
 
 Four = tuple[float, float, float, float]
 

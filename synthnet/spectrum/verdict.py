@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from synthnet.arrays import Floats, Int64s
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
-from synthnet.spectrum.arrays import Floats, Int64s
 from synthnet.spectrum.components import Component, components, count_and_shift_error, split
 from synthnet.spectrum.fem import Matrices
 from synthnet.spectrum.inputs import as_array, as_mesh, repaired

@@ -14,8 +14,8 @@ from pathlib import PurePosixPath
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
+from synthnet.arrays import Floats
 from synthnet.errors import DamagedError, StoreError
 from synthnet.families.limits import Limit
 from synthnet.store import storage
@@ -59,20 +59,20 @@ class StoredLimit:
     """
 
     id: str
-    eigenvalues: NDArray[np.float64]
-    bar: NDArray[np.float64]
-    error: NDArray[np.float64]
+    eigenvalues: Floats
+    bar: Floats
+    error: Floats
     above_20_db: bool
 
 
-def compare(id: str, label: NDArray[np.float64], limit: Limit) -> StoredLimit:
+def compare(id: str, label: Floats, limit: Limit) -> StoredLimit:
     """Return the limit of a shape beside its label, shape (k,), in 1/length²."""
     error = label / limit.eigenvalues - 1
     above = psnr(label, limit.eigenvalues) > ACCURATE
     return StoredLimit(id, limit.eigenvalues, limit.bar, error, above)
 
 
-def psnr(label: NDArray[np.float64], limit: NDArray[np.float64]) -> float:
+def psnr(label: Floats, limit: Floats) -> float:
     r"""Return how near a label p is to its limit g, :math:`10 \log_{10}(R^2 / \mathrm{MSE})` in dB.
 
     R is the range of g; the mean square error is over the k eigenvalues. Paper, section 4.3.

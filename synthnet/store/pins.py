@@ -20,8 +20,8 @@ from types import MappingProxyType
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
+from synthnet.arrays import Floats
 from synthnet.families.limits import Limit
 from synthnet.store.files import write_atomically
 from synthnet.types import Sample
@@ -51,8 +51,8 @@ class Pin:
 
     id: str
     digest: str
-    moments: NDArray[np.float64]
-    eigenvalues: NDArray[np.float64]
+    moments: Floats
+    eigenvalues: Floats
 
 
 def pin(sample: Sample) -> Pin:
@@ -77,7 +77,7 @@ def digest(sample: Sample) -> str:
     return state.hexdigest()[:32]
 
 
-def moments(sample: Sample) -> NDArray[np.float64]:
+def moments(sample: Sample) -> Floats:
     """Return weighted means of x, y, z, x², y², z², the weight 1 + frac(0.618… i) at vertex i.
 
     The weights tell the order of the vertices apart.

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from synthnet.arrays import Floats
 from synthnet.errors import DamagedError, StoreError
 from synthnet.store.files import one_line
 from synthnet.store.storage import Location, sha256, size, write_atomically
@@ -134,7 +135,7 @@ def read_samples(path: Location) -> Iterator[Sample]:
     yield from _samples(read_table(path), path)
 
 
-def read_labels(path: Location) -> Iterator[tuple[ShapeSpec, NDArray[np.float64]]]:
+def read_labels(path: Location) -> Iterator[tuple[ShapeSpec, Floats]]:
     """Read the shapes and labels of a shard, in order, without the meshes."""
     table = read_table(path, ["id", "family", "index", "parameters", "group", "eigenvalues"])
     try:

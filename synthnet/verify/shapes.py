@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 import threadpoolctl
-from numpy.typing import NDArray
 from scipy import linalg
 
 from synthnet import spectrum
+from synthnet.arrays import Floats
 from synthnet.build import sources
 from synthnet.errors import SpectrumError, needed_by
 from synthnet.families import FAMILIES
@@ -160,7 +160,7 @@ def check_label(sample: Sample) -> Iterator[str]:
         )
 
 
-def _is_rounding(sample: Sample, apart: float, size: NDArray[np.float64]) -> bool:
+def _is_rounding(sample: Sample, apart: float, size: Floats) -> bool:
     """Return whether a label and LaPy's are apart for no other reason than rounding.
 
     LaPy's matrices have the same entries as ours, rounded in another way; on thin triangles that

@@ -1,4 +1,4 @@
-"""Names of the types of arrays in this room."""
+"""Names of the types of arrays."""
 
 from typing import TypeAlias
 
