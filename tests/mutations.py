@@ -68,7 +68,7 @@ MUTATIONS: dict[str, tuple[str, str, str, str]] = {
     # Solver
     "more-than-counted": (SOLVER + "certificate.py", "counted.negative != pairs + zeros", "counted.negative > pairs + zeros", TEST_SPECTRUM),
     "rounding-of-count": (SOLVER + "certificate.py", "SAFETY * counted.uncertainty > (high", "counted.uncertainty > 10 * (high", TEST_SPECTRUM),
-    "residual-of-one-pair": (SOLVER + "certificate.py", "np.sqrt(pairs) * candidate.residual", "candidate.residual", TEST_SPECTRUM),
+    "residual-of-one-pair": (SOLVER + "certificate.py", "float(np.sqrt(len(self.values))) * largest", "largest", TEST_SPECTRUM),
     "residual-without-wathen": (SOLVER + "certificate.py", "np.sqrt(1 / matrices.least) * ", "", TEST_SPECTRUM),
     "one-may-be-missing": (SOLVER + "search.py", "if missing <= 0:", "if missing <= 1:", TEST_SPECTRUM),
     "no-gap-needed": (SOLVER + "search.py", "if high > low * (1 + least):", "if count == k:", TEST_SPECTRUM),
