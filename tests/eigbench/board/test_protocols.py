@@ -1,6 +1,7 @@
 """Protocols that ask for generalisation: labels, a training at a time, and their section."""
 
 import contextlib
+import copy
 import json
 import re
 from dataclasses import replace
@@ -15,7 +16,7 @@ from eigbench.running.evaluate import Options, alone, evaluate
 from eigbench.running.process import PredictorProcess
 from eigbench.scoring import scores, training, truth
 
-from tests.eigbench.conftest import ONES
+from tests.eigbench.conftest import ONES, changed
 
 MESH = "## synthNet 2.0-mini: shapes unlike those of training, against the mesh"
 TRAINED = """
@@ -501,7 +502,7 @@ def test_the_answer_has_every_row_and_the_solver_by_size(held_out):
 
 @pytest.mark.parametrize("layout", [answer_figure.WIDE, answer_figure.NARROW])
 def test_a_model_without_a_mark_is_named_with_the_reason(held_out, layout):
-    whole, _ = held_out
+    whole, _ = copy.deepcopy(held_out)
     rows = [row.at("surface") for row in whole]
     rows[1].scores["overall"]["rpd"]["mean"] = 3.0669
     rows[2].result["cost"]["reference"] = None
@@ -562,6 +563,68 @@ def test_a_nearer_row_without_training_has_a_sentence(
     board = generalisation.Board(rows, {"family": [unseen_families.at("surface")]})
     *_, last = answer_figure.sentences(board, solver="solver").splitlines()
     assert last.startswith(sentence or "3. ")
+
+
+@pytest.mark.parametrize(
+    ("factors", "verdict"),
+    [
+        ((1.01, 1.02), "most models lose to it"),
+        ((1.0001, 1.02), "half of the models lose to it"),
+        ((1.0001, 1.0002), "most models are closer than it"),
+    ],
+)
+def test_what_most_models_do_on_unseen_families_is_counted(
+    held_out, parts, make_row, factors, verdict
+):
+    whole, family = held_out[0], parts["family"]
+    limits = whole[0].at("surface").truth.eigenvalues
+    trained = {"kind": "learned", "training_data": "the training split"}
+    unseen = [
+        make_row(name, limits * factor, family, **trained).at("surface")
+        for name, factor in zip(("Model", "Lazy"), factors, strict=True)
+    ]
+    rows = ranking.ranked([row.at("surface") for row in whole])
+    board = generalisation.Board(rows, {"family": unseen})
+    *_, third = answer_figure.sentences(board, solver="solver").splitlines()
+    assert f"**On families never seen in training, {verdict}.** " in third
+
+
+def test_declared_rows_are_neither_in_the_figure_nor_in_its_sentences(held_out, unseen_families):
+    solver, model, lazy = (row.at("surface") for row in held_out[0])
+    unseen = unseen_families.at("surface")
+    verified = [replace(row, result={**row.result, "verified": {}}) for row in (solver, model)]
+    again = replace(unseen, result={**unseen.result, "verified": {}})
+    for whole, family, there in (
+        (verified, again, True),
+        (verified, unseen, False),
+        ([verified[0], model], again, False),
+        ([solver, verified[1]], again, False),
+    ):
+        board = generalisation.Board(ranking.ranked([*whole, lazy]), {"family": [family]})
+        assert bool(answer_figure.sentences(board, solver="solver")) == there
+        drawn = answer_figure.draw(board, solver="solver")
+        for row in (*whole, lazy):
+            assert (f">{row.name}<" in drawn) == ("verified" in row.result)
+
+
+def test_a_row_that_is_not_timed_is_counted_and_not_named_as_the_best(
+    held_out, unseen_families, parts, make_row
+):
+    labels = parts["grouped"]
+    limits = held_out[0][0].at("surface").truth.eigenvalues
+    trained = {"kind": "learned", "training_data": "the training split"}
+    untrained = {"kind": "classical", "training_data": "none"}
+    timed = make_row("Timed", limits * 1.0002, labels, **trained)
+    untimed = [make_row("Untimed", limits * 1.0001, labels, **trained)]
+    untimed += [make_row("Bent", limits, labels, **untrained)]
+    rows = [*held_out[0], timed, *(changed(row, "cost", reference=None) for row in untimed)]
+    board = generalisation.Board(
+        ranking.ranked([row.at("surface") for row in rows]),
+        {"family": [unseen_families.at("surface")]},
+    )
+    second = answer_figure.sentences(board, solver="solver").splitlines()[1]
+    assert "2 of 4 trained models are significantly closer to the surface; the best" in second
+    assert "; the best that is timed, *Timed*, has an error " in second
 
 
 def test_errors_by_size_are_those_of_the_shapes_of_that_size(parts, make_row):
