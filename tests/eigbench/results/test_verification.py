@@ -22,7 +22,7 @@ from eigbench.running import box, packages, rerun
 from eigbench.running.evaluate import Evaluation
 from eigbench.running.meshes import Instances
 from eigbench.running.process import Loaded, Status
-from eigbench.scoring import targets, truth
+from eigbench.scoring import bootstrap, targets, truth
 from eigbench.site import rows as site_rows
 
 from synthnet import recipe
@@ -204,6 +204,16 @@ def test_verified_rows_are_ranked_and_declared_ones_stand_below(make_submission,
     opened = [site_rows.content(row, "a board", None, "{}")["tables"] for row in after]
     costs = [[table["title"] for table in tables].count("Cost") for tables in opened]
     assert costs == [1, 1, 0, 0]
+
+
+def test_declared_rows_do_not_widen_the_ranks_of_verified_ones(make_row, mini_truth, monkeypatch):
+    monkeypatch.setattr(bootstrap, "two_sided", lambda means: 0.03)
+    verified, *others = (
+        make_row(f"Times {f}", f * mini_truth.eigenvalues) for f in (1.1, 1.2, 1.3, 1.4)
+    )
+    rows = [changed(row, "verified") for row in (verified, others[0])]
+    ranks = [row.shown_rank for row in ranking.ranked([*rows, *others[1:]])]
+    assert ranks == ["1", "2", "declared", "declared"]
 
 
 @pytest.mark.attack
