@@ -256,7 +256,7 @@ def _apart(
     with np.errstate(invalid="ignore"):
         apart = means - means[i]
         drawn = {j: resampled[j] - resampled[i] for j in others}
-    sure = {}
+    sure: dict[int, bool] = {}
     for without in (False, True):
         group = [j for j in others if (rows[j].slug in unranked) == without]
         holm = bootstrap.holm([_p_value(apart[j], drawn[j], floor) for j in group])
