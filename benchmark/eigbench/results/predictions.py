@@ -219,7 +219,8 @@ def _join(
 ) -> NDArray[np.float64]:
     row_of = {id: row for row, id in enumerate(ids.tolist())}
     twice = [id for id, count in Counter(ids.tolist()).items() if count > 1]
-    unknown = sorted(set(row_of) - set(truth.ids))
+    known = set(truth.ids)
+    unknown = sorted(set(row_of) - known)
     lacking = [id for id in truth.ids if id not in row_of]
     problems = (
         ("predicts twice", twice),
@@ -227,7 +228,7 @@ def _join(
         ("has ids that are not in the split:", unknown),
     )
     if said := [f"{what} {_first(which)}" for what, which in problems if which]:
-        if any(f"{id}/0" in truth.ids for id in unknown):
+        if any(f"{id}/0" in known for id in unknown):
             remedy = f"an id ends in the number of its instance, as {truth.ids[0]}"
         elif unknown or lacking:
             remedy = "--dataset, --split and --protocol say what was predicted"
