@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench.errors import EigbenchError, PredictorError
+from eigbench.errors import EigbenchError, PredictorError, WorksUnasked
 from eigbench.results.sources import contents
 from eigbench.running import machine
 from eigbench.running.box import TIME_LIMIT, Settings
@@ -30,6 +30,7 @@ WARM_UP = 16  # meshes predicted before the clock counts; none of them is of the
 REFERENCE = 100  # of the first and of the last meshes, LaPy is timed on the same batches
 LOCK = "lock"  # of the folder of answers
 BUSY = "another run keeps its answers in {where}: wait for it or choose another --out"
+NOTE = "run.json"  # of the folder of a process's answers: what they are of
 ENDED = "ended.json"  # of a process that has answered everything: what it was, and its cost
 BEGUN = "begun.json"  # the same of one that has not, as far as it is known
 NOTED = 60.0  # seconds between two notes of it
@@ -144,7 +145,8 @@ def evaluate(
     ------
     PredictorError
         If the predictor fails, answers with the wrong shape or type, changes its input,
-        hangs or dies. The batches before, if any, are kept in ``parts``.
+        hangs or dies. The batches before, if any, are kept in ``parts``; not those of a process
+        that works while it is not asked.
     EigbenchError
         If what an interrupted run has left was answered on another accelerator.
     """
@@ -153,25 +155,34 @@ def evaluate(
     runs: list[tuple[list[_Part], Loaded, Status]] = []
     asked = []
     predictions = np.empty((options.seeds, *truth.eigenvalues.shape))
-    with contextlib.ExitStack() as stack:
-        trainings, started = _trainings(path, truth, options, stack)
+
+    def task_of(seed: int, number: int, trainings: Sequence[str]) -> _Task:
         several = len(trainings) > 1
-        for seed, (number, training) in itertools.product(
-            range(options.seeds), enumerate(trainings)
-        ):
-            chosen = np.flatnonzero(truth.trainings == training) if several else everything
-            mine = replace(options, reference=options.reference and seed == number == 0)
-            task = _Task(path, truth.take(chosen), sets[chosen], mine, seed, training)
-            folder = parts / (f"seed-{seed}-{number}" if several else f"seed-{seed}")
-            left = options.resume and any(folder.glob("*.npz"))
-            same = _open_parts(folder, task)
+        training = trainings[number]
+        chosen = np.flatnonzero(truth.trainings == training) if several else everything
+        mine = replace(options, reference=options.reference and seed == number == 0)
+        folder = parts / (f"seed-{seed}-{number}" if several else f"seed-{seed}")
+        return _Task(path, chosen, truth.take(chosen), sets[chosen], mine, seed, training, folder)
+
+    trainings, started = list(dict.fromkeys(truth.trainings.tolist())), None
+    with contextlib.ExitStack() as stack:
+        if not _is_answered(task_of(0, 0, trainings)):
+            trainings, started = _trainings(path, truth, trainings, options, stack)
+        for seed, number in itertools.product(range(options.seeds), range(len(trainings))):
+            task = task_of(seed, number, trainings)
+            left = options.resume and any(task.folder.glob("*.npz"))
+            same = _open_parts(task)
             if left and not same:
                 on_restart()
             first = runs[0][1] if runs else None
-            run = _run(task, instances, folder, on_batch, on_loaded, started, first)
+            try:
+                run = _run(task, instances, on_batch, on_loaded, started, first)
+            except WorksUnasked:
+                shutil.rmtree(task.folder)  # else --resume would find nothing left to ask of it
+                raise
             for part in run[0]:
-                predictions[seed, chosen[part.instances]] = part.values
-                asked.append((seed, chosen[part.instances]))
+                predictions[seed, task.chosen[part.instances]] = part.values
+                asked.append((seed, task.chosen[part.instances]))
             runs.append(run)
             stack.close()
             started = None
@@ -209,14 +220,13 @@ def predict_meshes(
 
 
 def _trainings(
-    path: Path, truth: Truth, options: Options, stack: contextlib.ExitStack
+    path: Path, truth: Truth, trainings: list[str], options: Options, stack: contextlib.ExitStack
 ) -> tuple[list[str], PredictorProcess | None]:
     """Return the sets to train the predictor on, in turn; a single one if it is not trained.
 
     If it had to be loaded to see that, its process is returned as well, since loading may train for
     hours: it has the first set and seed 0. Closing the stack ends it.
     """
-    trainings = list(dict.fromkeys(truth.trainings.tolist()))
     if all(training.partition("/")[2] in PROTOCOLS for training in trainings):
         return trainings, None
     k = truth.eigenvalues.shape[1]
@@ -240,11 +250,13 @@ class _Task:
     """What one process of a predictor is asked: instances, how, and what it was trained on."""
 
     path: Path
-    truth: Truth
+    chosen: NDArray[np.int64]  #: the instances, as indices of the whole truth
+    truth: Truth  #: theirs
     sets: NDArray[np.int64]
     options: Options
     seed: int
     training: str
+    folder: Path  #: of its parts
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +274,6 @@ class _Part:
 def _run(
     task: _Task,
     instances: Instances,
-    folder: Path,
     on_batch: Callable[[int, float], None],
     on_loaded: Callable[[Loaded], None],
     started: PredictorProcess | None,
@@ -272,7 +283,7 @@ def _run(
 
     ``first`` is what is loaded for the first seed and training, if this is another one.
     """
-    truth, options = task.truth, task.options
+    truth, options, folder = task.truth, task.options, task.folder
     parts = _read_parts(folder)
     done = sum(len(part.instances) for part in parts)
     if done:
@@ -385,16 +396,27 @@ def _fingerprint(task: _Task) -> dict[str, object]:
     }
 
 
-def _open_parts(folder: Path, task: _Task) -> bool:
+def _open_parts(task: _Task) -> bool:
     """Make the directory of parts; return whether what it holds is to be gone on from."""
-    note, fingerprint = folder / "run.json", _fingerprint(task)
-    same = task.options.resume and note.exists() and json.loads(note.read_text()) == fingerprint
-    same = same and _unchanged(folder / SOURCES, task)
+    same = _goes_on(task)
     if not same:
-        shutil.rmtree(folder, ignore_errors=True)
-        files.make_directory(folder)
-        files.write_text(note, json.dumps(fingerprint))
+        shutil.rmtree(task.folder, ignore_errors=True)
+        files.make_directory(task.folder)
+        files.write_text(task.folder / NOTE, json.dumps(_fingerprint(task)))
     return same
+
+
+def _goes_on(task: _Task) -> bool:
+    """Whether the directory of parts holds what is to be gone on from."""
+    note = task.folder / NOTE
+    same = task.options.resume and note.exists()
+    same = same and json.loads(note.read_text()) == _fingerprint(task)
+    return same and _unchanged(task.folder / SOURCES, task)
+
+
+def _is_answered(task: _Task) -> bool:
+    """Whether an earlier run has answered all of a task, so that its process need not start."""
+    return (task.folder / ENDED).exists() and _goes_on(task)
 
 
 def _folders(task: _Task) -> list[Path]:

@@ -372,6 +372,21 @@ def test_what_an_interrupted_process_has_cost_and_tried_is_kept(interrupted, mon
     assert cost["loading_seconds"] > 1
 
 
+def test_resume_does_not_clear_what_works_unasked(fails, predictor_file, monkeypatch, tmp_path):
+    predict = PredictorProcess.predict
+
+    def works(process, *given):
+        answered = predict(process, *given)
+        process._unasked = 1e9
+        return answered
+
+    monkeypatch.setattr(PredictorProcess, "predict", works)
+    path = predictor_file(PRELUDE + "def predict(meshes): return weyl(meshes)")
+    for _ in range(2):
+        assert "--resume" not in fails("", "works while it is not asked", "--resume", path=path)
+        assert not list(tmp_path.glob(".out.json.parts*"))
+
+
 def test_several_seeds_need_a_predictor_that_takes_one(evaluate, fails, tmp_path):
     message = "takes no seed: define load(device, seed), or leave --seeds"
     fails("def predict(meshes): return weyl(meshes)", message, "--seeds", "2")
