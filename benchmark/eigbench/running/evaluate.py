@@ -29,6 +29,7 @@ from synthnet.types import PROTOCOLS, Mesh
 WARM_UP = 16  # meshes predicted before the clock counts; none of them is of the split
 REFERENCE = 100  # of the first and of the last meshes, LaPy is timed on the same batches
 LOCK = "lock"  # of the folder of answers
+PARTS = "*/*.npz"  # the answers there
 BUSY = "another run keeps its answers in {where}: wait for it or choose another --out"
 NOTE = "run.json"  # of the folder of a process's answers: what they are of
 ENDED = "ended.json"  # of a process that has answered everything: what it was, and its cost
@@ -91,6 +92,8 @@ def alone(parts: Path) -> Iterator[None]:
     ------
     BuildError
         If another run keeps its answers there.
+    PredictorError
+        What ended the run early, and that it can be gone on from.
     """
     files.make_directory(parts)
     with files.locked(parts / LOCK, wait=False, taken=BUSY, needed=False):
@@ -98,8 +101,13 @@ def alone(parts: Path) -> Iterator[None]:
         try:
             yield
             done = True
+        except PredictorError as error:
+            if any(parts.glob(PARTS)):
+                hint = "--resume goes on from the last good batch"
+                raise PredictorError(f"{error} ({hint})") from error
+            raise
         finally:
-            if done or not any(parts.glob("*/*.npz")):  # nothing is lost
+            if done or not any(parts.glob(PARTS)):  # nothing is lost
                 shutil.rmtree(parts, ignore_errors=True)
 
 

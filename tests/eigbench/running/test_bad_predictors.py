@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from eigbench.commands.predict import CHANGED
+from eigbench.commands.predict import CHANGED, answers
+from eigbench.errors import PredictorError
 from eigbench.results import predictions
 from eigbench.running import evaluate as running
 from eigbench.running import machine
@@ -263,6 +264,16 @@ def test_what_was_computed_before_a_failure_is_kept_and_resumed(
     whole = json.loads((tmp_path / "out.json").read_text())
     assert whole["scores"] == result["scores"]
     assert whole["predictions"] == result["predictions"]
+
+
+def test_what_no_resume_goes_on_from_has_no_such_hint(
+    predictor_file, mini_truth, mini_meshes, tmp_path
+):
+    path = predictor_file(PRELUDE + FAILS_IN_BATCH_2.format(how=HOWS["raises"][0]))
+    options = running.Options(batch_size=BATCH)
+    with pytest.raises(PredictorError, match=r"RuntimeError: no luck(?!.*--resume)"):
+        answers(path, mini_truth.head(LIMIT), mini_meshes, options, tmp_path / "parts")
+    assert list((tmp_path / "parts").glob("*/*.npz"))
 
 
 def test_what_an_earlier_run_has_written_is_no_part_of_a_predictor(
