@@ -217,7 +217,7 @@ def neighbours(board: Board) -> list[list[str]]:
     return lines
 
 
-def _mean(model: Submission, labels: Truth, key: str, seeds: int | None = None) -> float:
+def _mean(model: Submission, labels: Truth, key: str, seeds: int) -> float:
     """Return the mean of a metric over some of a model's instances, and its first seeds."""
     return float(scores.of_metric(labels, predicted(model, labels)[:seeds], key).mean())
 

@@ -33,7 +33,6 @@ from synthnet.verify import seal
 
 SHARE = 0.03  # of each family's surfaces: some hundred shapes, minutes
 WRONG = (*terminal.UNSUITABLE, EigbenchError, SynthNetError)  # is one line, and the next row's turn
-ROUNDING = 1e-6  # relative: what another processor may make of a mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,7 +280,8 @@ def _compared(
     for public, drawn in targeted:
         here, there = numbers[public.target], _interval(scores.score(drawn, unseen))
         sealed |= there if public.target == MESH else {public.target: there}
-        if there["low"] is None or there["low"] > max(here["high"] or 0, ROUNDING):
+        least = max(here["high"] or 0, verification.SAME)  # an RPD is itself relative
+        if there["low"] is None or there["low"] > least:
             problems.append(
                 f"on shapes that nobody has seen, {RANKED_BY} against the {public.target} is "
                 f"{there['mean']} ({there['low']} to {there['high']}), significantly worse than "
