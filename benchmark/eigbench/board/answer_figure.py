@@ -17,7 +17,7 @@ from eigbench.board.tables import number as _digits
 from eigbench.results.submission import Submission
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
-from eigbench.scoring.training import trained_on, untrained
+from eigbench.scoring.training import may_be_trained_on, untrained
 from synthnet import recipe
 from synthnet.pictures.palette import GREY
 
@@ -28,7 +28,7 @@ UNSEEN = "family"  # the protocol whose scores stand beside those on familiar sh
 LAPY = "LaPy"  # whose name stands beside its mark: all speeds are beside it
 DROP = "the same models on families never seen"
 LARGEST_ERROR = 2.0  # rows with larger errors, which look at next to nothing, are only named
-NEAR = 9.0  # points: an open mark that is nearer to another model's stands beside it
+OVERLAP = 9.0  # points: an open mark that is nearer to another model's stands beside it
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ def _draw_drops(axes: mpl.axes.Axes, points: Sequence[Point]) -> None:
     own is left out. The axes must have their limits.
     """
     pixels = axes.transData.transform
-    near = NEAR * axes.figure.dpi / 72
+    near = OVERLAP * axes.figure.dpi / 72
     marks = pixels([(min(p.speed, FASTEST), p.error) for p in points])
     for point, mark in zip(points, marks, strict=True):
         if point.unseen is None:
@@ -222,7 +222,8 @@ def sentences(board: Board, solver: str = "lapy") -> str:
 
 def _trained(rows: Sequence[Ranked], version: str) -> list[Ranked]:
     models = [(row, row.submission.result["model"]) for row in rows]
-    return [row for row, meta in models if meta["kind"] == "learned" and trained_on(meta, version)]
+    learned = [(row, meta) for row, meta in models if meta["kind"] == "learned"]
+    return [row for row, meta in learned if may_be_trained_on(meta, version)]
 
 
 def _on_familiar_shapes(trained: Sequence[Ranked], solver: Ranked) -> str:

@@ -60,7 +60,7 @@ class Difference:
 
 
 @dataclass(frozen=True, slots=True)
-class Apart:
+class PairedDifference:
     """How far another row of the board is from a row.
 
     From ``low`` to ``high`` is the 95 % percentile-bootstrap interval of the mean over shapes and
@@ -84,7 +84,7 @@ class Ranked:
     submission: Submission  #: with the truth of the target
     #: The first and the last of its interval, from 1; None where it is exact or declared.
     ranks: tuple[int, int] | None
-    apart: Sequence[Apart] = ()  #: every other row of the board, in the board's order
+    apart: Sequence[PairedDifference] = ()  #: every other row of the board, in the board's order
     exact: bool = False  #: whether every answer is right within the bars of the target
     #: Whether it is on its author's word, on a board that has verified rows. It stands below
     #: these, without a rank and a speed.
@@ -250,7 +250,7 @@ def _apart(
     resampled: NDArray[np.float64],
     floor: float,
     unranked: Set[str],
-) -> list[Apart]:
+) -> list[PairedDifference]:
     """Compare a row with every other one; those named by ``unranked`` have no rank."""
     others = [j for j in range(len(rows)) if j != i]
     with np.errstate(invalid="ignore"):
@@ -263,7 +263,7 @@ def _apart(
         sure |= dict(zip(group, holm, strict=True))
     known = {j: np.isfinite(drawn[j]).all() for j in others}
     intervals = {j: bootstrap.interval(drawn[j]) if known[j] else (np.nan, np.nan) for j in others}
-    return [Apart(rows[j].slug, float(apart[j]), *intervals[j], sure[j]) for j in others]
+    return [PairedDifference(rows[j].slug, float(apart[j]), *intervals[j], sure[j]) for j in others]
 
 
 def _p_value(apart: float, resampled: NDArray[np.float64], floor: float) -> float:

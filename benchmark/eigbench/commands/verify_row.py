@@ -119,7 +119,7 @@ def _read(path: Path, options: argparse.Namespace) -> Submission | None:
     except WRONG as error:
         terminal.report("eigbench", options, error)
         return None
-    # Not the row's to choose: an accelerator's box shows the machine's devices
+    # Not the row's to choose: an accelerator's sandbox shows the machine's devices
     if (declared := row.result["cost"]["device"]) != options.device:
         print(
             f"{path} was run with --device {declared}, and is run again with {options.device}",
@@ -207,7 +207,7 @@ def _verify(row: Submission, setup: _Setup) -> tuple[dict[str, Any], list[str]]:
         sets = (np.arange(len(both.ids)) >= public).astype(np.int64)
         answers = folder / "answers"
         evaluation = predict.answers(code, both, given, settings, answers, sets=sets)
-        chosen = rerun.strangers(both)
+        chosen = rerun.one_per_surface(both)
         ids = [both.ids[i] for i in chosen]
         with Console(stderr=True).status(f"asking for {len(ids)} meshes by themselves"):
             apart = predict_meshes(
@@ -219,8 +219,8 @@ def _verify(row: Submission, setup: _Setup) -> tuple[dict[str, Any], list[str]]:
                 training=str(both.trainings[chosen[0]]),
             )
     verified, against = _compared(row, targeted, evaluation)
-    against += record.two_faced(every, evaluation)
-    against += rerun.helped(every, chosen, evaluation.predictions[0], apart)
+    against += record.copies_answered_otherwise(every, evaluation)
+    against += rerun.better_among_others(every, chosen, evaluation.predictions[0], apart)
     against += filter(None, [rerun.slower(evaluation, given, both, public)])
     verified["sealed"]["share"] = setup.options.share
     return verified | {
@@ -259,7 +259,7 @@ def _compared(
         if named.get(name) != used.get(name)
     ]
     if status.refused:
-        problems.append(f"its box has refused: {', '.join(status.refused[:3])}")
+        problems.append(f"its sandbox has refused: {', '.join(status.refused[:3])}")
     numbers: dict[str, Any] = {}
     for target, scored in scores.of_targets(row.truth, answered).items():
         numbers[target] = None if scored is None else _interval(scored)

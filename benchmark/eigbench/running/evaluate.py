@@ -54,7 +54,7 @@ class Options(Settings):
 class Evaluation:
     """What a predictor answered, and at what cost.
 
-    All arrays but the predictions, and ``asked``, have an entry for every batch of every seed.
+    ``asked`` and all arrays except ``predictions`` have one entry per batch, of every seed.
     """
 
     #: Of shape (seeds, n, k), in the order of the truth's ids, in 1/length².
@@ -84,7 +84,7 @@ class Evaluation:
 
 @contextlib.contextmanager
 def alone(parts: Path) -> Iterator[None]:
-    """Keep other runs from a directory of answers, which goes when all is done or none was given.
+    """Lock the directory of answers; remove it if the run finished or no batch was answered.
 
     Of what ends early, the answers stay: a run with ``resume`` goes on from them.
 
@@ -333,8 +333,8 @@ def _run(
                 try:
                     if peer is None:
                         # The user's limit may be for a fast predictor
-                        alone = Settings(time_limit=max(options.time_limit, TIME_LIMIT))
-                        lapy = PredictorProcess(REFERENCE_FILE, k, alone)
+                        lapy_settings = Settings(time_limit=max(options.time_limit, TIME_LIMIT))
+                        lapy = PredictorProcess(REFERENCE_FILE, k, lapy_settings)
                         peer = stack.enter_context(lapy)
                         peer.warm_up(warm_up)
                     part = replace(part, reference_seconds=peer.predict(batch, given).seconds)

@@ -92,7 +92,7 @@ class Status:
     """Peak memory of a predictor's processes so far, in bytes, and digests of its files.
 
     ``counted_by`` is how memory and processor time were taken; ``refused`` is what it has tried
-    and its box has refused, as far as Python saw it.
+    and its sandbox has refused, as far as Python saw it.
     """
 
     peak_bytes: int
@@ -126,9 +126,9 @@ class PredictorProcess:
     def __init__(
         self, path: Path, k: int, settings: Settings, *, seed: int = 0, training: str = DEFAULT
     ) -> None:
-        predictor.check_file(path)  # a box has no way to say that there is none
+        predictor.check_file(path)  # a sandbox has no way to say that there is none
         self.boxed = settings.sandbox != NONE
-        path = path.resolve() if self.boxed else path  # a box has another working directory
+        path = path.resolve() if self.boxed else path  # a sandbox has another working directory
         self.job = Job(str(path), settings.device, seed, training, k, watched=self.boxed)
         self.settings, self.time_limit = settings, settings.time_limit
         self.loaded: Loaded

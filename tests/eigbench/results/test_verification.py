@@ -441,15 +441,15 @@ def test_answers_of_all_seeds_are_compared_on_the_split_and_on_the_draw(make_row
 def test_meshes_are_asked_by_themselves_each_of_another_surface(mini_truth):
     groups = np.array([f"group-{i // 3}" for i in range(len(mini_truth.ids))])
     truth = dataclasses.replace(mini_truth, groups=groups)
-    draws = [rerun.strangers(truth) for _ in range(2)]
+    draws = [rerun.one_per_surface(truth) for _ in range(2)]
     for chosen in draws:
         assert len(set(groups[chosen])) == len(chosen) == rerun.APART
     assert draws[0].tolist() != draws[1].tolist()
     few = truth.take(np.arange(30))
-    assert len(rerun.strangers(few)) == 10
+    assert len(rerun.one_per_surface(few)) == 10
     few.trainings[:12] = "another"
     for _ in range(5):
-        chosen = rerun.strangers(few)
+        chosen = rerun.one_per_surface(few)
         assert len(set(few.trainings[chosen])) == 1
 
 
@@ -458,13 +458,14 @@ def test_what_is_nearer_among_others_of_its_surface_is_named(mini_truth):
     every = targets.every(mini_truth)
     mesh, surface = (known.eigenvalues for known in every)
     chosen = np.arange(0, 300, 3)
-    assert rerun.helped(every, chosen, 1.1 * mesh, 1.1 * mesh[chosen]) == []
-    (named,) = rerun.helped(every, chosen, surface, mesh[chosen])
+    assert rerun.better_among_others(every, chosen, 1.1 * mesh, 1.1 * mesh[chosen]) == []
+    (named,) = rerun.better_among_others(every, chosen, surface, mesh[chosen])
     assert named.startswith("a mesh by itself is answered with an RPD of")
     assert "against the surface" in named
-    assert rerun.helped(every, chosen, mesh, surface[chosen])[0].count("against the mesh") == 1
+    (named,) = rerun.better_among_others(every, chosen, mesh, surface[chosen])
+    assert named.count("against the mesh") == 1
     jitter = 1 + 1e-3 * np.random.default_rng(0).standard_normal(mesh.shape)
-    assert rerun.helped(every, chosen, 1.1 * mesh * jitter, 1.1 * mesh[chosen]) == []
+    assert rerun.better_among_others(every, chosen, 1.1 * mesh * jitter, 1.1 * mesh[chosen]) == []
 
 
 @pytest.mark.parametrize(("declared", "size"), [(50, 10), (3, 3), (1, 1)])
