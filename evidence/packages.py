@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from eigbench.scoring.neighbours import NEAR
+from eigbench.scoring.neighbours import SIMILAR
 
 from evidence import ROOT, markdown
 from evidence.timing import progress
@@ -194,7 +194,7 @@ def different(dataset: StoredDataset) -> set[tuple[str, str]]:
         if "components" in sample.spec.parameters:
             continue
         form = sample.eigenvalues / np.exp(np.mean(np.log(sample.eigenvalues)))
-        if all(np.abs(form / other - 1).max() > NEAR for other in forms):
+        if all(np.abs(form / other - 1).max() > SIMILAR for other in forms):
             forms.append(form)
             kept.add((sample.spec.family, str(sample.spec.parameters["file"])))
     return kept

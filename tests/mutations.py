@@ -61,7 +61,7 @@ MUTATIONS: dict[str, tuple[str, str, str, str]] = {
     # Ranking
     "floor-of-one-side": (RANKING, "<= 2 * (floor or 0)", "<= (floor or 0)", TEST_FLOOR),
     "never-worse": (RANKING, "1 + len(beside) - worse)", "1 + len(beside))", TEST_RANKING),
-    "better-is-worse": (RANKING, "-1 if METRICS[key].higher_is_better else 1\n", "1\n", TEST_RANKING),
+    "better-is-worse": (RANKING, "sum(mean < 0 for mean", "sum(mean > 0 for mean", TEST_RANKING),
     "exact-by-name": (RANKING, '(-ratio, cost["ms_per_mesh"])', "(0.0, 0.0)", TEST_RANKING),
     "infinite-is-better": (RANKING, '"ab"[good_a < good_b]', '"ba"[good_a < good_b]', TEST_RANKING),
     "same-seeds-of-both": (RANKING, "drawn.means(y, b.slug)", "drawn.means(y, a.slug)", TEST_RANKING),

@@ -21,6 +21,10 @@ class Died(PredictorError):
     """A predictor's process has ended by itself, or was killed by the system."""
 
 
+class WorksUnasked(PredictorError):
+    """A predictor's process computes while it is not asked."""
+
+
 class PredictionsError(EigbenchError):
     """A file of predictions is damaged or does not match the split."""
 

@@ -17,7 +17,7 @@ from eigbench.board.tables import number as _digits
 from eigbench.results.submission import Submission
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
-from eigbench.scoring.training import trained_on, untrained
+from eigbench.scoring.training import may_be_trained_on, untrained
 from synthnet import recipe
 from synthnet.pictures.palette import GREY
 
@@ -28,7 +28,7 @@ UNSEEN = "family"  # the protocol whose scores stand beside those on familiar sh
 LAPY = "LaPy"  # whose name stands beside its mark: all speeds are beside it
 DROP = "the same models on families never seen"
 LARGEST_ERROR = 2.0  # rows with larger errors, which look at next to nothing, are only named
-NEAR = 9.0  # points: an open mark that is nearer to another model's stands beside it
+OVERLAP = 9.0  # points: an open mark that is nearer to another model's stands beside it
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,17 +59,15 @@ def draw(board: Board, solver: str = "synthnet-certified", layout: Layout = WIDE
     error. What the sentences speak of has its name beside its mark. Marks are means over meshes of
     all sizes; the line is an exact solver on the coarse, medium and fine meshes of the same
     surfaces, beside LaPy on all of them: what a user has who refines. A model whose error is too
-    large to be drawn, or that has no time, is named below with the reason.
+    large to be drawn, or that has no time, is named below with the reason. Declared rows, which
+    have no rank and no speed, are left out.
 
     The board is a version's against the surface; the line is of the row ``solver``; the layout is
     :data:`WIDE` or :data:`NARROW`.
     """
-    ranked = sorted(board.rows, key=_error)
+    ranked = sorted(_undeclared(board), key=_error)
     rows = [row for row in ranked if not _absent(row)]
-    points = [
-        _point(number, row, board.scored(row.submission, UNSEEN, RANKED_BY).score)
-        for number, row in enumerate(rows, start=1)
-    ]
+    points = [_point(number, row, _unseen(board, row)) for number, row in enumerate(rows, start=1)]
     names = [(str(p.number), p.name, KINDS[p.kind][0]) for p in points]
     names += [("–", f"{r.submission.name}: {note}", GREY) for r in ranked if (note := _absent(r))]
     with figures.style() as new_figure:
@@ -80,7 +78,7 @@ def draw(board: Board, solver: str = "synthnet-certified", layout: Layout = WIDE
         bottom, top = 1 - (layout.plot - 0.62) / high, 1 - layout.top / high
         figure.subplots_adjust(layout.left / layout.width, bottom, 0.99, top)
         figures.scatter(axes, points, floor=0.0)
-        _solver_line(axes, board, solver, layout)
+        _solver_line(axes, rows, solver, layout)
         axes.set_xlim(right=FASTEST * 1.6)
         figures.number_marks(axes, points, floor=0.0)
         axes.set_ylabel(f"mean {METRICS[RANKED_BY].heading} to the surface")
@@ -97,9 +95,23 @@ def draw(board: Board, solver: str = "synthnet-certified", layout: Layout = WIDE
         return figures.as_svg(figure)
 
 
+def _undeclared(board: Board) -> list[Ranked]:
+    return [row for row in board.rows if not row.declared]
+
+
+def _unseen(board: Board, row: Ranked) -> float | None:
+    """Return a model's mean error on unseen families; ``None`` if not run, or declared, there."""
+    there = board.under.get(UNSEEN, {}).get(row.submission.slug)
+    return None if there is None or there.declared else there.scores["overall"][RANKED_BY]["mean"]
+
+
+def _timed(row: Ranked) -> bool:
+    return row.submission.result["cost"].get("reference") is not None
+
+
 def _absent(row: Ranked) -> str:
     """Return why a model has no mark; empty where it has one."""
-    if row.submission.result["cost"].get("reference") is None:
+    if not _timed(row):
         return "not timed"
     error = _error(row)
     return "" if error <= LARGEST_ERROR else f"{error:.3g}, not drawn"
@@ -112,7 +124,7 @@ def _draw_drops(axes: mpl.axes.Axes, points: Sequence[Point]) -> None:
     own is left out. The axes must have their limits.
     """
     pixels = axes.transData.transform
-    near = NEAR * axes.figure.dpi / 72
+    near = OVERLAP * axes.figure.dpi / 72
     marks = pixels([(min(p.speed, FASTEST), p.error) for p in points])
     for point, mark in zip(points, marks, strict=True):
         if point.unseen is None:
@@ -184,15 +196,14 @@ def sentences(board: Board, solver: str = "lapy") -> str:
 
     There are three, and a fourth if a row without training is significantly nearer than the solver.
     Trained models are those of the kind "learned" that do not say they are trained on other
-    versions. The board is a version's against the surface; predictions are compared with the row
-    ``solver``.
+    versions; declared rows do not count. The board is a version's against the surface; predictions
+    are compared with the row ``solver``.
     """
-    exact = [row for row in board.rows if row.submission.slug == solver]
-    trained = _trained(board.rows, board.version)
+    rows = _undeclared(board)
+    exact = [row for row in rows if row.submission.slug == solver]
+    trained = _trained(rows, board.version)
     unseen = {
-        row.submission.name: error
-        for row in trained
-        if (error := board.scored(row.submission, UNSEEN, RANKED_BY).score) is not None
+        row.submission.name: error for row in trained if (error := _unseen(board, row)) is not None
     }
     if not exact or not unseen:
         return ""
@@ -204,22 +215,24 @@ def sentences(board: Board, solver: str = "lapy") -> str:
         "approximate the surface's eigenfunctions.",
         _on_familiar_shapes(trained, exact[0]),
         _on_unseen_families(board, trained, unseen, exact[0]),
-        *_without_training(board, trained, exact[0]),
+        *_without_training(rows, trained, exact[0]),
     ]
     return "\n".join(f"{number}. {sentence}" for number, sentence in enumerate(every, start=1))
 
 
 def _trained(rows: Sequence[Ranked], version: str) -> list[Ranked]:
     models = [(row, row.submission.result["model"]) for row in rows]
-    return [row for row, meta in models if meta["kind"] == "learned" and trained_on(meta, version)]
+    learned = [(row, meta) for row, meta in models if meta["kind"] == "learned"]
+    return [row for row, meta in learned if may_be_trained_on(meta, version)]
 
 
 def _on_familiar_shapes(trained: Sequence[Ranked], solver: Ranked) -> str:
     nearer = [row for row in trained if _nearer(row, solver)]
     of = f"{_are(len(nearer), len(trained))} significantly closer to the surface"
-    if nearer:
-        best = min(nearer, key=_error)
-        of += f"; the best, *{best.submission.name}*, has {_gain(best, solver)}"
+    if timed := [row for row in nearer if _timed(row)]:
+        best = min(timed, key=_error)
+        which = "the best" if timed == nearer else "the best that is timed"
+        of += f"; {which}, *{best.submission.name}*, has {_gain(best, solver)}"
     verdict = "learning can beat it" if nearer else "no model significantly beats it"
     return f"**On shapes like those of training, {verdict}.** {of}."
 
@@ -227,8 +240,11 @@ def _on_familiar_shapes(trained: Sequence[Ranked], solver: Ranked) -> str:
 def _on_unseen_families(
     board: Board, trained: Sequence[Ranked], unseen: Mapping[str, float], solver: Ranked
 ) -> str:
-    smaller = sum(error < _error(solver) for error in unseen.values())
-    verdict = "most models lose to it" if 2 * smaller < len(unseen) else "most still do"
+    farther = sum(error >= _error(solver) for error in unseen.values())
+    verdict = "most models lose to it"
+    if 2 * farther <= len(unseen):
+        half = 2 * farther == len(unseen)
+        verdict = "half of the models lose to it" if half else "most models are closer than it"
     still = [
         f"*{row.submission.name}* ({_digits(unseen[row.submission.name])})"
         for row in trained
@@ -248,9 +264,11 @@ def _are(some: int, count: int) -> str:
     return f"{some} of {count} trained models {'is' if some == 1 else 'are'}"
 
 
-def _without_training(board: Board, trained: Sequence[Ranked], solver: Ranked) -> Iterator[str]:
-    others = (row for row in board.rows if untrained(row.submission.result["model"]))
-    nearer = [row for row in others if _nearer(row, solver)]
+def _without_training(
+    rows: Sequence[Ranked], trained: Sequence[Ranked], solver: Ranked
+) -> Iterator[str]:
+    others = (row for row in rows if untrained(row.submission.result["model"]))
+    nearer = [row for row in others if _timed(row) and _nearer(row, solver)]
     if nearer:
         best = min(nearer, key=_error)
         beaten = all(_nearer(best, row) for row in trained)
@@ -293,9 +311,9 @@ def _error(row: Ranked) -> float:
     return np.inf if mean is None else float(mean)
 
 
-def _solver_line(axes: mpl.axes.Axes, board: Board, slug: str, layout: Layout) -> None:
+def _solver_line(axes: mpl.axes.Axes, rows: Sequence[Ranked], slug: str, layout: Layout) -> None:
     """Draw a solver's errors and speeds by the size of the meshes, if its times are known."""
-    for row in board.rows:
+    for row in rows:
         cost = row.submission.result["cost"]
         if row.submission.slug != slug or cost.get("ms_by_batch") is None:
             continue

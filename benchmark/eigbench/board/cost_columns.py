@@ -112,9 +112,7 @@ def _fact(
 
 def _speed(beside: dict[str, Any] | None) -> Cell:
     """Return how many times as fast as a peer a run was."""
-    if beside is None:
-        return "not timed", None
-    return times_faster(beside), six_digits(beside["ratio"])
+    return times_faster(beside), None if beside is None else six_digits(beside["ratio"])
 
 
 def _number(name: str, decimals: int = 2) -> Callable[[dict[str, Any]], Cell]:

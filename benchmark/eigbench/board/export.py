@@ -94,7 +94,7 @@ def generalised_as_json(board: generalisation.Board) -> str:
             "nearest_of_training": six_digits(
                 float(np.median(distances := near.distances(board.version, protocol)))
             ),
-            "share_within_1_percent": six_digits(float(np.mean(distances <= near.NEAR))),
+            "share_within_1_percent": six_digits(float(np.mean(distances <= near.SIMILAR))),
         }
         for protocol in board.protocols
     }

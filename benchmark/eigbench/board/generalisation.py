@@ -25,7 +25,7 @@ from eigbench.results.submission import Submission
 from eigbench.scoring import neighbours as near
 from eigbench.scoring import scores, targets, truth
 from eigbench.scoring.metrics import METRICS
-from eigbench.scoring.training import IMPORTED, on_imports, trained_on, untrained
+from eigbench.scoring.training import IMPORTED, may_be_trained_on, on_imports, untrained
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
 
@@ -54,7 +54,7 @@ EXPLAINED = (
     "run*: nobody has evaluated the model there; a note below the table says why, where one is "
     "marked."
 )
-NEAR = (
+NEAR_EXPLAINED = (
     "For each tested shape, the nearest shape of the training split that the protocol leaves: by "
     "the largest |ln(λ/λ')| of their surfaces' spectra (of imported meshes, of their labels), "
     "each divided by its geometric mean, so that scale does not count. If most tested shapes have "
@@ -159,7 +159,7 @@ class Board:
     def is_trained(self, model: Submission) -> bool:
         """Return whether a model is trained on the version, and so anew for each protocol."""
         meta = model.result["model"]
-        return not untrained(meta) and trained_on(meta, self.version)
+        return not untrained(meta) and may_be_trained_on(meta, self.version)
 
     def submitted(self, model: Submission, protocol: str) -> Submission | None:
         """Return a model's submission under a protocol, if there is one."""
@@ -172,7 +172,7 @@ class Board:
         return next(known, None)
 
     def count(self, protocol: str) -> int:
-        """Return how many meshes a protocol tests."""
+        """Return how many shapes a protocol tests."""
         ran = self.held_out.get(protocol)
         labels = ran[0].truth if ran else tested(self.version, protocol, self.target)
         return len(np.unique(labels.shapes))
@@ -211,13 +211,13 @@ def neighbours(board: Board) -> list[list[str]]:
     lines = []
     for protocol in ["grouped", *board.protocols]:
         apart = near.distances(board.version, protocol)
-        shares = [near.share(board.version, protocol, bound) for bound in (near.NEAR, 0.05)]
+        shares = [near.share(board.version, protocol, bound) for bound in (near.SIMILAR, 0.05)]
         name = FAMILIAR if protocol == "grouped" else title(protocol)
         lines.append([name, f"{len(apart):,}", f"{100 * np.median(apart):.1f} %", *shares])
     return lines
 
 
-def _mean(model: Submission, labels: Truth, key: str, seeds: int | None = None) -> float:
+def _mean(model: Submission, labels: Truth, key: str, seeds: int) -> float:
     """Return the mean of a metric over some of a model's instances, and its first seeds."""
     return float(scores.of_metric(labels, predicted(model, labels)[:seeds], key).mean())
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 LINE, WIDTH = 0.2, 9.6  # inches: of a model, and of all panels with the names
 
 
-def draw(board: Board, key: str = RANKED_BY) -> str:
+def draw(board: Board) -> str:
     """Return an SVG: each model's error on what its training held out, and without holding out.
 
     The filled mark is the same model trained on everything, on the very same shapes; a model
@@ -30,7 +30,7 @@ def draw(board: Board, key: str = RANKED_BY) -> str:
         figure.subplots_adjust(0.355, 0.5 / high, 0.985, 1 - 0.7 / high, wspace=0.08)
         for axes, protocol in zip(panels[0], board.protocols, strict=True):
             for line, row in enumerate(board.rows):
-                held_out = board.scored(row.submission, protocol, key)
+                held_out = board.scored(row.submission, protocol, RANKED_BY)
                 if held_out.score is not None:
                     kind = row.submission.result["model"]["kind"]
                     _dumbbell(axes, line, kind, held_out.score, held_out.before)
@@ -42,7 +42,7 @@ def draw(board: Board, key: str = RANKED_BY) -> str:
         panels[0][0].set_yticks(range(len(names)), names, fontsize=7.5)
         panels[0][0].set_ylim(len(names) - 0.5, -0.5)
         figure.text(
-            0.67, 0.1 / high, f"mean {METRICS[key].heading}; below {FLOOR:g} at the edge",
+            0.67, 0.1 / high, f"mean {METRICS[RANKED_BY].heading}; below {FLOOR:g} at the edge",
             ha="center", fontsize=8,
         )  # fmt: skip
         kinds = {row.submission.result["model"]["kind"] for row in board.rows}

@@ -22,7 +22,7 @@ from eigbench.scaling.results import Scaled
 from eigbench.scoring import neighbours, targets
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.names import MESH, SURFACE
-from eigbench.scoring.neighbours import NEAR
+from eigbench.scoring.neighbours import SIMILAR
 from eigbench.scoring.training import on_imports
 
 TOP = 5  # so many rows of a board stand in the README
@@ -145,11 +145,11 @@ def _counts(rows: Sequence[Ranked]) -> str:
     facts = rows[0].submission.result["dataset"]
     board = facts["version"], facts["protocol"]
     share = neighbours.share(*board)
-    mostly = np.median(neighbours.distances(*board)) <= NEAR
+    mostly = np.median(neighbours.distances(*board)) <= SIMILAR
     what = ": a test of interpolation" if mostly else ""
     return (
         f"{facts['shapes']:,} shapes, {facts['instances']:,} instances. {share} of the shapes have "
-        f"a training shape whose spectrum, scale removed, is within {100 * NEAR:.0f} %{what}."
+        f"a training shape whose spectrum, scale removed, is within {100 * SIMILAR:.0f} %{what}."
         f"{_timed(rows)}"
     )
 
@@ -255,7 +255,7 @@ def generalised_details(board: Board) -> str:
             for protocol, rows in board.under.items()
         ),
         "## How near training comes\n",
-        f"{generalisation.NEAR}\n",
+        f"{generalisation.NEAR_EXPLAINED}\n",
         table(headers, lines, [False, True, True, True, True]),
     ]
     return "\n".join(parts)

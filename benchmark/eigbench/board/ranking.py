@@ -2,11 +2,12 @@
 
 Two predictors differ in a metric if the 95 % bootstrap interval of their paired difference, by
 shapes within families and by seeds, excludes zero by more than the bars of the target could make
-(:mod:`eigbench.scoring.targets`). On a board each row is compared with every other row, with Holm's
-correction for their number: its rank is at least 1 + the number of rows that are significantly
-better, and at most the number of rows that are not significantly worse. So the true rank of a row
-is in its interval with a chance of 95 %. A row that is significantly better or worse moves the
-others by one place, and makes Holm's correction of their comparisons a little stricter.
+(:mod:`eigbench.scoring.targets`). On a board each row is compared with every other ranked row, with
+Holm's correction for their number: its rank is at least 1 + the number of rows that are
+significantly better, and at most the number of rows that are not significantly worse. So the true
+rank of a row is in its interval with a chance of 95 %. A row that is significantly better or worse
+moves the others by one place, and makes Holm's correction of their comparisons a little stricter.
+On a board of fewer than five shapes no difference is significant.
 
 Rows all of whose answers are right within the bars are exact. Nothing but rounding tells them
 apart: they stand above the ranking, the faster against LaPy first, and the others are ranked
@@ -19,7 +20,7 @@ Mobility across Neighbourhoods and Academic Achievement across Countries", Revie
 Studies 91 (2024).
 """
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +33,7 @@ from eigbench.results.verification import is_verified
 from eigbench.scoring import bootstrap, scores, targets
 from eigbench.scoring.bootstrap import FEWEST
 from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.truth import Truth
 
 FEW = "few shapes"  # makes no verdict, which is not a tie
 RANKED_BY = "rpd"  # bounded, free of scale, and no share that saturates
@@ -58,7 +60,7 @@ class Difference:
 
 
 @dataclass(frozen=True, slots=True)
-class Apart:
+class PairedDifference:
     """How far another row of the board is from a row.
 
     From ``low`` to ``high`` is the 95 % percentile-bootstrap interval of the mean over shapes and
@@ -70,7 +72,8 @@ class Apart:
     mean: float
     low: float
     high: float
-    #: Whether the two differ by Holm's correction for all other rows, which the rank goes by.
+    #: Whether the two differ by Holm's correction for the other rows that are ranked, which the
+    #: rank goes by; of a row without a rank, by that for the others without one.
     sure: bool
 
 
@@ -81,7 +84,7 @@ class Ranked:
     submission: Submission  #: with the truth of the target
     #: The first and the last of its interval, from 1; None where it is exact or declared.
     ranks: tuple[int, int] | None
-    apart: Sequence[Apart] = ()  #: every other row of the board, in the board's order
+    apart: Sequence[PairedDifference] = ()  #: every other row of the board, in the board's order
     exact: bool = False  #: whether every answer is right within the bars of the target
     #: Whether it is on its author's word, on a board that has verified rows. It stands below
     #: these, without a rank and a speed.
@@ -174,7 +177,7 @@ def difference(a: Submission, b: Submission, key: str, family: str | None = None
     return Difference(*means, low, high, floor, "tie" if why else better, why)
 
 
-def ranked(submissions: Sequence[Submission], key: str = RANKED_BY) -> list[Ranked]:
+def ranked(submissions: Sequence[Submission]) -> list[Ranked]:
     """Return the submissions with their ranks: the exact ones first, then the best mean first.
 
     The exact ones have no rank. They are in the order of their speed against LaPy, which may be
@@ -184,7 +187,6 @@ def ranked(submissions: Sequence[Submission], key: str = RANKED_BY) -> list[Rank
     """
     verified = {s.result_path for s in submissions if is_verified(s.result)}
     below = {s.result_path for s in submissions if verified and s.result_path not in verified}
-    sign = -1 if METRICS[key].higher_is_better else 1
     exact = {s.result_path for s in submissions if s.scores["exact"] == 1}
 
     def order(submission: Submission) -> tuple[bool, bool, float, float, str]:
@@ -194,19 +196,19 @@ def ranked(submissions: Sequence[Submission], key: str = RANKED_BY) -> list[Rank
             ratio = (cost.get("reference") or {}).get("ratio", 0.0)
             speed = (0.0, 0.0) if declared else (-ratio, cost["ms_per_mesh"])
             return declared, False, *speed, submission.slug
-        mean = submission.scores["overall"][key]["mean"]
-        return declared, True, (np.inf if mean is None else sign * mean), 0.0, submission.slug
+        mean = submission.scores["overall"][RANKED_BY]["mean"]
+        return declared, True, (np.inf if mean is None else mean), 0.0, submission.slug
 
     rows = sorted(submissions, key=order)
-    means, resampled = _resampled(rows, key)
-    floor = 2 * (targets.floor(rows[0].truth, key) or 0) if rows else 0.0
+    means, resampled = _resampled(rows)
+    floor = _floor(rows[0].truth) if rows else 0.0
     unranked = {s.slug for s in submissions if s.result_path in below | exact}
     placed = []
     for i, row in enumerate(rows):
-        apart = _apart(i, rows, means, resampled, floor)
+        apart = _apart(i, rows, means, resampled, floor, unranked)
         ranks = None
         if row.slug not in unranked:
-            beside = [sign * a.mean if a.sure else 0.0 for a in apart if a.slug not in unranked]
+            beside = [a.mean if a.sure else 0.0 for a in apart if a.slug not in unranked]
             better, worse = sum(mean < 0 for mean in beside), sum(mean > 0 for mean in beside)
             ranks = (1 + better, 1 + len(beside) - worse)
         declared = row.result_path in below
@@ -219,19 +221,23 @@ def count_ranked(rows: Sequence[Ranked]) -> int:
     return sum(row.ranks is not None for row in rows)
 
 
-def _resampled(
-    rows: Sequence[Submission], key: str
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _floor(truth: Truth) -> float:
+    """Return the least difference of two rows; infinite where the shapes are too few to tell."""
+    if bootstrap.resamples(truth).shapes < FEWEST:
+        return np.inf
+    return 2 * (targets.floor(truth, RANKED_BY) or 0)
+
+
+def _resampled(rows: Sequence[Submission]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return each row's mean, (rows,), and its resampled means, (rows, RESAMPLES).
 
-    Both are infinite, on the worse side, for a row with a value that is not finite.
+    Both are infinite for a row with a value that is not finite.
     """
-    worst = -np.inf if METRICS[key].higher_is_better else np.inf
-    means = np.full(len(rows), worst)
-    resampled = np.full((len(rows), bootstrap.RESAMPLES), worst)
+    means = np.full(len(rows), np.inf)
+    resampled = np.full((len(rows), bootstrap.RESAMPLES), np.inf)
     drawn = bootstrap.resamples(rows[0].truth) if rows else None
     for i, row in enumerate(rows):
-        values = scores.of_metric(row.truth, row.predictions, key)
+        values = scores.of_metric(row.truth, row.predictions, RANKED_BY)
         if drawn is not None and np.isfinite(values).all():
             means[i], resampled[i] = values.mean(), drawn.means(values, row.slug)
     return means, resampled
@@ -243,19 +249,21 @@ def _apart(
     means: NDArray[np.float64],
     resampled: NDArray[np.float64],
     floor: float,
-) -> list[Apart]:
-    """Compare a row with every other one."""
+    unranked: Set[str],
+) -> list[PairedDifference]:
+    """Compare a row with every other one; those named by ``unranked`` have no rank."""
     others = [j for j in range(len(rows)) if j != i]
     with np.errstate(invalid="ignore"):
         apart = means - means[i]
         drawn = {j: resampled[j] - resampled[i] for j in others}
-    sure = bootstrap.holm([_p_value(apart[j], drawn[j], floor) for j in others])
+    sure: dict[int, bool] = {}
+    for without in (False, True):
+        group = [j for j in others if (rows[j].slug in unranked) == without]
+        holm = bootstrap.holm([_p_value(apart[j], drawn[j], floor) for j in group])
+        sure |= dict(zip(group, holm, strict=True))
     known = {j: np.isfinite(drawn[j]).all() for j in others}
     intervals = {j: bootstrap.interval(drawn[j]) if known[j] else (np.nan, np.nan) for j in others}
-    return [
-        Apart(rows[j].slug, float(apart[j]), *intervals[j], is_sure)
-        for j, is_sure in zip(others, sure, strict=True)
-    ]
+    return [PairedDifference(rows[j].slug, float(apart[j]), *intervals[j], sure[j]) for j in others]
 
 
 def _p_value(apart: float, resampled: NDArray[np.float64], floor: float) -> float:

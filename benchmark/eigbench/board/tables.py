@@ -222,7 +222,7 @@ def cost(result: dict[str, Any]) -> Table:
     rows = [
         ["ms per mesh, median of batches (quartiles)", median],
         ["ms per mesh, mean", f"{facts['ms_per_mesh_mean']:.2f}"],
-        [f"{SPEED}, same meshes", beside_lapy(facts)],
+        [f"{SPEED}, same meshes", times_faster(facts.get("reference"))],
         *([f"against {name}", times_faster(peer)] for name, peer in facts.get("peers", {}).items()),
         ["batch size, threads, device", setting],
         ["cores used", f"{facts['cores_used']:.2f}{_counted(facts, 'processor_time')}"],
@@ -250,28 +250,18 @@ def _remembering(facts: dict[str, Any]) -> list[list[str]]:
     return rows
 
 
-def beside_lapy(facts: dict[str, Any]) -> str:
-    """Return how many times faster than LaPy a run was, from a result's cost.
-
-    Examples
-    --------
-    >>> beside_lapy({"reference": {"ratio": 14.04}}), beside_lapy({"reference": {"ratio": 0.515}})
-    ('14 ×', '0.52 ×')
-    >>> beside_lapy({"reference": None})
-    'not timed'
-    """
-    beside = facts.get("reference")
-    return "not timed" if beside is None else times_faster(beside)
-
-
-def times_faster(ratio: dict[str, Any]) -> str:
+def times_faster(ratio: dict[str, Any] | None) -> str:
     """Return a ratio of times as text, with its interval where it has one.
 
     Examples
     --------
     >>> times_faster({"ratio": 14.04, "low": 13.1, "high": 14.9})
     '14 × (13–15)'
+    >>> times_faster({"ratio": 0.515}), times_faster(None)
+    ('0.52 ×', 'not timed')
     """
+    if ratio is None:
+        return "not timed"
     two_digits = [f"{float(f'{ratio[k]:.2g}'):,g}" for k in ("ratio", "low", "high") if k in ratio]
     middle, *ends = two_digits
     return f"{middle} × ({'–'.join(ends)})" if ends else f"{middle} ×"

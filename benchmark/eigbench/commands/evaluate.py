@@ -120,7 +120,7 @@ def _report(
     for finding in record.findings(result["cost"], evaluation.status.refused):
         print(f"warning: {finding}", file=sys.stderr)
     if not is_sealed(labels.version):
-        for finding in record.two_faced(targets.every(labels), evaluation):
+        for finding in record.copies_answered_otherwise(targets.every(labels), evaluation):
             print(f"warning: {finding}; verify-row refuses such a row", file=sys.stderr)
     score.warn_of_answers(result["model"]["kind"], labels, evaluation.predictions)
 

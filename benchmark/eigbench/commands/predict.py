@@ -15,7 +15,7 @@ from rich.console import Console
 from eigbench.board import foreseen
 from eigbench.commands import arguments, score
 from eigbench.commands.arguments import Command
-from eigbench.errors import EigbenchError, PredictorError
+from eigbench.errors import EigbenchError
 from eigbench.results import predictions
 from eigbench.running import box, meshes, record
 from eigbench.running.evaluate import Evaluation, Options, alone, evaluate
@@ -231,10 +231,6 @@ def answers(
             on_loaded=on_start,
             sets=sets,
         )
-    except PredictorError as error:
-        if any(parts.glob("*/*.npz")):
-            raise PredictorError(f"{error} (--resume goes on from the last good batch)") from error
-        raise
     finally:
         loading.stop()
         progress.stop()

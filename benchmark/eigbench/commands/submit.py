@@ -18,7 +18,7 @@ from eigbench.results.submission import Submission
 from eigbench.results.verification import is_verified
 from eigbench.scaling import results as scaling_results
 
-NEAR = 2  # rows above and below that a dry run shows
+ROWS_AROUND = 2  # rows above and below that a dry run shows
 
 
 def add_commands(command: Command) -> None:
@@ -102,7 +102,7 @@ def _try(row: Submission, root: Path, options: argparse.Namespace) -> int:
         return 0
     for rows in boards:
         at = _index(rows, row)
-        near = rows[max(at - NEAR, 0) : at + NEAR + 1]
+        near = rows[max(at - ROWS_AROUND, 0) : at + ROWS_AROUND + 1]
         shown = rows[at].shown_rank
         stand = f"have rank {shown} of {count_ranked(rows)}"
         if rows[at].ranks is None:
@@ -118,7 +118,7 @@ def _try(row: Submission, root: Path, options: argparse.Namespace) -> int:
 def _place(rows: Sequence[Ranked], row: Submission) -> dict[str, Any]:
     """Return a row's interval of ranks and its neighbours as JSON-ready data."""
     at = _index(rows, row)
-    above, below = rows[max(at - NEAR, 0) : at], rows[at + 1 : at + NEAR + 1]
+    above, below = rows[max(at - ROWS_AROUND, 0) : at], rows[at + 1 : at + ROWS_AROUND + 1]
     return {
         "rows": len(rows),
         "ranked": count_ranked(rows),

@@ -33,7 +33,6 @@ from synthnet.verify import seal
 
 SHARE = 0.03  # of each family's surfaces: some hundred shapes, minutes
 WRONG = (*terminal.UNSUITABLE, EigbenchError, SynthNetError)  # is one line, and the next row's turn
-ROUNDING = 1e-6  # relative: what another processor may make of a mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +119,7 @@ def _read(path: Path, options: argparse.Namespace) -> Submission | None:
     except WRONG as error:
         terminal.report("eigbench", options, error)
         return None
-    # Not the row's to choose: an accelerator's box shows the machine's devices
+    # Not the row's to choose: an accelerator's sandbox shows the machine's devices
     if (declared := row.result["cost"]["device"]) != options.device:
         print(
             f"{path} was run with --device {declared}, and is run again with {options.device}",
@@ -208,7 +207,7 @@ def _verify(row: Submission, setup: _Setup) -> tuple[dict[str, Any], list[str]]:
         sets = (np.arange(len(both.ids)) >= public).astype(np.int64)
         answers = folder / "answers"
         evaluation = predict.answers(code, both, given, settings, answers, sets=sets)
-        chosen = rerun.strangers(both)
+        chosen = rerun.one_per_surface(both)
         ids = [both.ids[i] for i in chosen]
         with Console(stderr=True).status(f"asking for {len(ids)} meshes by themselves"):
             apart = predict_meshes(
@@ -220,8 +219,8 @@ def _verify(row: Submission, setup: _Setup) -> tuple[dict[str, Any], list[str]]:
                 training=str(both.trainings[chosen[0]]),
             )
     verified, against = _compared(row, targeted, evaluation)
-    against += record.two_faced(every, evaluation)
-    against += rerun.helped(every, chosen, evaluation.predictions[0], apart)
+    against += record.copies_answered_otherwise(every, evaluation)
+    against += rerun.better_among_others(every, chosen, evaluation.predictions[0], apart)
     against += filter(None, [rerun.slower(evaluation, given, both, public)])
     verified["sealed"]["share"] = setup.options.share
     return verified | {
@@ -260,7 +259,7 @@ def _compared(
         if named.get(name) != used.get(name)
     ]
     if status.refused:
-        problems.append(f"its box has refused: {', '.join(status.refused[:3])}")
+        problems.append(f"its sandbox has refused: {', '.join(status.refused[:3])}")
     numbers: dict[str, Any] = {}
     for target, scored in scores.of_targets(row.truth, answered).items():
         numbers[target] = None if scored is None else _interval(scored)
@@ -281,7 +280,8 @@ def _compared(
     for public, drawn in targeted:
         here, there = numbers[public.target], _interval(scores.score(drawn, unseen))
         sealed |= there if public.target == MESH else {public.target: there}
-        if there["low"] is None or there["low"] > max(here["high"] or 0, ROUNDING):
+        least = max(here["high"] or 0, verification.SAME)  # an RPD is itself relative
+        if there["low"] is None or there["low"] > least:
             problems.append(
                 f"on shapes that nobody has seen, {RANKED_BY} against the {public.target} is "
                 f"{there['mean']} ({there['low']} to {there['high']}), significantly worse than "

@@ -188,23 +188,15 @@ def extreme(answers: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.isfinite(answers) & (size > 0) & ((size < LEAST) | (size > MOST))
 
 
-def identical(truth: Truth, answers: NDArray[np.float64]) -> int:
-    """Return how many answered spectra, of all seeds, are the labels to the last bit.
-
-    A solver of its own differs from the labels by rounding; a model differs by more. Whoever has
-    them to the bit has them from the certified solver, or has looked them up.
-    """
-    return int((answers == truth.eigenvalues).all(axis=-1).sum())
-
-
 def looked_up(kind: str, truth: Truth, answers: NDArray[np.float64]) -> str:
     """Return one line where answers are the target to the bit and cannot have been computed.
 
-    An exact solver, which declares itself classical, may have the labels of meshes to the bit.
-    Nothing that sees a mesh has the spectrum of its surface so.
+    Other solvers differ from the labels by rounding, models by more. The certified solver, which
+    declares itself classical, has those of meshes to the bit. Nothing that sees a mesh has the
+    spectrum of its surface so.
     """
     solves = kind == "classical" and truth.target == MESH
-    count = 0 if solves else identical(truth, answers)
+    count = 0 if solves else int((answers == truth.eigenvalues).all(axis=-1).sum())
     if not count:
         return ""
     some = f"{count:,} of {answers.shape[0] * answers.shape[1]:,} spectra are"
@@ -219,7 +211,8 @@ def _join(
 ) -> NDArray[np.float64]:
     row_of = {id: row for row, id in enumerate(ids.tolist())}
     twice = [id for id, count in Counter(ids.tolist()).items() if count > 1]
-    unknown = sorted(set(row_of) - set(truth.ids))
+    known = set(truth.ids)
+    unknown = sorted(set(row_of) - known)
     lacking = [id for id in truth.ids if id not in row_of]
     problems = (
         ("predicts twice", twice),
@@ -227,7 +220,7 @@ def _join(
         ("has ids that are not in the split:", unknown),
     )
     if said := [f"{what} {_first(which)}" for what, which in problems if which]:
-        if any(f"{id}/0" in truth.ids for id in unknown):
+        if any(f"{id}/0" in known for id in unknown):
             remedy = f"an id ends in the number of its instance, as {truth.ids[0]}"
         elif unknown or lacking:
             remedy = "--dataset, --split and --protocol say what was predicted"

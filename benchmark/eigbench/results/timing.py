@@ -20,7 +20,7 @@ RESAMPLES = 2000
 AGREE = 1e-6  # relative, between a ratio and the quotient of the times
 # Relative and absolute, between two means of RPD: a model that trains while it loads may end like
 # another seed on another processor, and a solver may miss one eigenvalue of one mesh by chance
-ALIKE, EXACT = 0.25, 1e-4
+ALIKE, SAME_RPD = 0.25, 1e-4
 
 
 def ratio(theirs: NDArray[np.float64], own: NDArray[np.float64]) -> dict[str, float]:
@@ -123,7 +123,7 @@ def check_answers(timed: dict[str, Any], row: Submission) -> None:
         there = timed["rpd"][known.target]
         errors = scores.of_metric(known, row.predictions[:1], "rpd")[0]
         own = float(errors[asked(row.truth, timed["asked"])].mean())
-        if not math.isclose(there, own, rel_tol=ALIKE, abs_tol=EXACT):
+        if not math.isclose(there, own, rel_tol=ALIKE, abs_tol=SAME_RPD):
             raise ResultError(
                 f"{row.result_path}: while it was timed, {timed['name']} answered with an RPD of "
                 f"{there:.3g} against the {known.target}, and the row has {own:.3g} on the same "

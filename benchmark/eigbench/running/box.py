@@ -1,4 +1,4 @@
-"""The box: what a predictor's process can reach, and how the system holds it to that.
+"""The sandbox: what a predictor's process can reach, and how the system holds it to that.
 
 It is a list of what is shown; all else is not there. Shown, to be read alone: the interpreter and
 its packages, the predictor's own files, what the user names, and the labels of the training that is
@@ -33,7 +33,7 @@ from synthnet import kernels, store
 from synthnet.store import pins
 
 ROOTS = (Path(synthnet.__path__[0]), Path(__file__).parents[1])  # synthnet and eigbench
-FOLDER = "eigbench-boxed-"  # how the names of boxes' folders begin
+FOLDER = "eigbench-boxed-"  # how the names of sandboxes' folders begin
 TIME_LIMIT = 3600.0  # seconds
 BUBBLEWRAP, LANDLOCK, NONE = "bubblewrap", "landlock", "none"
 ISOLATED = (
@@ -101,14 +101,14 @@ def chosen(sandbox: str) -> str:
 class Settings:
     """How a predictor's process is run."""
 
-    #: Handed to the predictor; one beginning with ``cuda`` has the box show the system's.
+    #: Handed to the predictor; one beginning with ``cuda`` has the sandbox show the system's.
     device: str = "cpu"
     threads: int = 1  #: of BLAS and OpenMP
     time_limit: float = TIME_LIMIT  #: most seconds for loading and for a batch
     #: Most GiB that the process may have in memory (resident, where Linux tells).
     memory_limit: float | None = None
     sandbox: str = NONE  #: what holds it; ``none`` lets it do what its user may
-    #: Files and directories that the box shows besides the predictor's own.
+    #: Files and directories that the sandbox shows besides the predictor's own.
     readable: Sequence[Path] = ()
     packages: Path | None = None  #: a directory of packages that come before the others
 
@@ -159,14 +159,14 @@ class Box:
 
     def close(self) -> None:
         """Remove the folder and what the process has left in it."""
-        if os.path.lexists(kernels.flag(self.private)):  # the next box need not say it again
+        if os.path.lexists(kernels.flag(self.private)):  # the next one need not say it again
             with contextlib.suppress(OSError):
                 kernels.flag().touch()
         _remove(self.folder)
         os.close(self._lock)
 
     def command(self, start: Sequence[str]) -> list[str]:
-        """Return the command that runs another one, ``start``, in the box."""
+        """Return the command that runs another one, ``start``, in the sandbox."""
         if self.kind == BUBBLEWRAP:
             where = ["--chdir", str(self.directory)]
             return ["bwrap", *self._mounts(), *where, "--", *start, supervisor.HELD]
@@ -177,7 +177,7 @@ class Box:
     def environment(self, inherited: Mapping[str, str]) -> dict[str, str]:
         """Return the variables of the process: of the inherited ones those that it needs.
 
-        Of the directories with modules, those that are not in the box go: a look into one would
+        Of the directories with modules, those that are not in the sandbox go: a look into one would
         be reported as an attempt of the predictor.
         """
         kept = {name: text for name, text in inherited.items() if name.startswith(KEPT)}
@@ -196,7 +196,7 @@ class Box:
         }
 
     def shows(self, path: Path) -> bool:
-        """Whether a path can be read in the box."""
+        """Whether a path can be read in the sandbox."""
         shown = path.is_relative_to(self.private)
         for rule in self.rules:
             if path.is_relative_to(rule.path):
@@ -204,7 +204,7 @@ class Box:
         return shown
 
     def refused(self, attempts: Sequence[str]) -> list[str]:
-        """Return those of a predictor's attempts that the box has refused.
+        """Return those of a predictor's attempts that the sandbox has refused.
 
         They are ``read PATH``, ``write PATH`` or ``connect HOST``, as its process saw them begin.
         """
@@ -274,7 +274,7 @@ class Box:
 
 
 def sweep() -> None:
-    """Remove the folders of boxes whose process is gone without closing them, as by ``kill -9``.
+    """Remove the folders of sandboxes whose process has gone without closing them (``kill -9``).
 
     Each process holds a lock on its folders, which the kernel gives back when it ends.
     """

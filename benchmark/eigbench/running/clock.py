@@ -7,13 +7,14 @@ them. So whatever slows the machine down slows all of them down.
 
 import contextlib
 import secrets
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from eigbench.errors import PredictorError
 from eigbench.running.box import NONE, Settings
 from eigbench.running.evaluate import WARM_UP
 from eigbench.running.meshes import Instances
@@ -58,7 +59,8 @@ def together(
     Raises
     ------
     PredictorError
-        If one fails, answers with the wrong shape or type, hangs or dies.
+        If one, which is named, fails, answers with the wrong shape or type or with what is not
+        finite, hangs or dies.
     """
     k = truth.eigenvalues.shape[1]
     training = str(truth.trainings[0])
@@ -70,9 +72,10 @@ def together(
         for path in paths:
             on_step(f"loading {path.name}")
             held = replace(settings, sandbox=NONE) if path == REFERENCE_FILE else settings
-            process = PredictorProcess(path, k, held, training=training)
-            processes.append(stack.enter_context(process))
-            process.warm_up(min(WARM_UP, batch_size))
+            with _named(path):
+                process = PredictorProcess(path, k, held, training=training)
+                processes.append(stack.enter_context(process))
+                process.warm_up(min(WARM_UP, batch_size))
         wall = np.empty((repeats, len(paths), len(groups)))
         cpu = np.empty_like(wall)
         values = np.empty((len(paths), 1, *truth.eigenvalues.shape))
@@ -83,21 +86,33 @@ def together(
             for turn in range(len(paths)):
                 i = (turn + step) % len(paths)
                 on_step(f"batch {step + 1} of {len(asked)}: {paths[i].name}")
-                answered = processes[i].predict(batch, meshes)
+                with _named(paths[i]):
+                    answered = processes[i].predict(batch, meshes)
+                    if not np.isfinite(answered.values).all():
+                        raise PredictorError("the answer has numbers that are not finite")
                 wall[repeat, i, number] = answered.seconds
                 cpu[repeat, i, number] = answered.cpu_seconds
                 values[i, 0, [index[id] for id in batch]] = answered.values
-        return [
-            Timed(
-                path,
-                np.median(wall[:, i], axis=0),
-                np.median(cpu[:, i], axis=0),
-                values[i],
-                processes[i].loaded,
-                processes[i].status(),
-            )
-            for i, path in enumerate(paths)
-        ]
+        timed = []
+        for i, path in enumerate(paths):
+            with _named(path):
+                status = processes[i].status()
+            seconds, cpu_seconds = (np.median(took[:, i], axis=0) for took in (wall, cpu))
+            loaded = processes[i].loaded
+            timed.append(Timed(path, seconds, cpu_seconds, values[i], loaded, status))
+        return timed
+
+
+@contextlib.contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Say of what goes wrong whose predictor's it is."""
+    name = "LaPy" if path == REFERENCE_FILE else path.name
+    try:
+        yield
+    except PredictorError as error:
+        if str(error).startswith(name):
+            raise
+        raise PredictorError(f"{name}: {error}") from error
 
 
 def by_size(

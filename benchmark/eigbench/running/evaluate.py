@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench.errors import EigbenchError, PredictorError
+from eigbench.errors import EigbenchError, PredictorError, WorksUnasked
 from eigbench.results.sources import contents
 from eigbench.running import machine
 from eigbench.running.box import TIME_LIMIT, Settings
@@ -29,7 +29,9 @@ from synthnet.types import PROTOCOLS, Mesh
 WARM_UP = 16  # meshes predicted before the clock counts; none of them is of the split
 REFERENCE = 100  # of the first and of the last meshes, LaPy is timed on the same batches
 LOCK = "lock"  # of the folder of answers
+PARTS = "*/*.npz"  # the answers there
 BUSY = "another run keeps its answers in {where}: wait for it or choose another --out"
+NOTE = "run.json"  # of the folder of a process's answers: what they are of
 ENDED = "ended.json"  # of a process that has answered everything: what it was, and its cost
 BEGUN = "begun.json"  # the same of one that has not, as far as it is known
 NOTED = 60.0  # seconds between two notes of it
@@ -52,7 +54,7 @@ class Options(Settings):
 class Evaluation:
     """What a predictor answered, and at what cost.
 
-    All arrays but the predictions, and ``asked``, have an entry for every batch of every seed.
+    ``asked`` and all arrays except ``predictions`` have one entry per batch, of every seed.
     """
 
     #: Of shape (seeds, n, k), in the order of the truth's ids, in 1/length².
@@ -82,7 +84,7 @@ class Evaluation:
 
 @contextlib.contextmanager
 def alone(parts: Path) -> Iterator[None]:
-    """Keep other runs from a directory of answers, which goes when all is done or none was given.
+    """Lock the directory of answers; remove it if the run finished or no batch was answered.
 
     Of what ends early, the answers stay: a run with ``resume`` goes on from them.
 
@@ -90,6 +92,8 @@ def alone(parts: Path) -> Iterator[None]:
     ------
     BuildError
         If another run keeps its answers there.
+    PredictorError
+        What ended the run early, and that it can be gone on from.
     """
     files.make_directory(parts)
     with files.locked(parts / LOCK, wait=False, taken=BUSY, needed=False):
@@ -97,8 +101,13 @@ def alone(parts: Path) -> Iterator[None]:
         try:
             yield
             done = True
+        except PredictorError as error:
+            if any(parts.glob(PARTS)):
+                hint = "--resume goes on from the last good batch"
+                raise PredictorError(f"{error} ({hint})") from error
+            raise
         finally:
-            if done or not any(parts.glob("*/*.npz")):  # nothing is lost
+            if done or not any(parts.glob(PARTS)):  # nothing is lost
                 shutil.rmtree(parts, ignore_errors=True)
 
 
@@ -144,7 +153,8 @@ def evaluate(
     ------
     PredictorError
         If the predictor fails, answers with the wrong shape or type, changes its input,
-        hangs or dies. The batches before, if any, are kept in ``parts``.
+        hangs or dies. The batches before, if any, are kept in ``parts``; not those of a process
+        that works while it is not asked.
     EigbenchError
         If what an interrupted run has left was answered on another accelerator.
     """
@@ -153,25 +163,34 @@ def evaluate(
     runs: list[tuple[list[_Part], Loaded, Status]] = []
     asked = []
     predictions = np.empty((options.seeds, *truth.eigenvalues.shape))
-    with contextlib.ExitStack() as stack:
-        trainings, started = _trainings(path, truth, options, stack)
+
+    def task_of(seed: int, number: int, trainings: Sequence[str]) -> _Task:
         several = len(trainings) > 1
-        for seed, (number, training) in itertools.product(
-            range(options.seeds), enumerate(trainings)
-        ):
-            chosen = np.flatnonzero(truth.trainings == training) if several else everything
-            mine = replace(options, reference=options.reference and seed == number == 0)
-            task = _Task(path, truth.take(chosen), sets[chosen], mine, seed, training)
-            folder = parts / (f"seed-{seed}-{number}" if several else f"seed-{seed}")
-            left = options.resume and any(folder.glob("*.npz"))
-            same = _open_parts(folder, task)
+        training = trainings[number]
+        chosen = np.flatnonzero(truth.trainings == training) if several else everything
+        mine = replace(options, reference=options.reference and seed == number == 0)
+        folder = parts / (f"seed-{seed}-{number}" if several else f"seed-{seed}")
+        return _Task(path, chosen, truth.take(chosen), sets[chosen], mine, seed, training, folder)
+
+    trainings, started = list(dict.fromkeys(truth.trainings.tolist())), None
+    with contextlib.ExitStack() as stack:
+        if not _is_answered(task_of(0, 0, trainings)):
+            trainings, started = _trainings(path, truth, trainings, options, stack)
+        for seed, number in itertools.product(range(options.seeds), range(len(trainings))):
+            task = task_of(seed, number, trainings)
+            left = options.resume and any(task.folder.glob("*.npz"))
+            same = _open_parts(task)
             if left and not same:
                 on_restart()
             first = runs[0][1] if runs else None
-            run = _run(task, instances, folder, on_batch, on_loaded, started, first)
+            try:
+                run = _run(task, instances, on_batch, on_loaded, started, first)
+            except WorksUnasked:
+                shutil.rmtree(task.folder)  # else --resume would find nothing left to ask of it
+                raise
             for part in run[0]:
-                predictions[seed, chosen[part.instances]] = part.values
-                asked.append((seed, chosen[part.instances]))
+                predictions[seed, task.chosen[part.instances]] = part.values
+                asked.append((seed, task.chosen[part.instances]))
             runs.append(run)
             stack.close()
             started = None
@@ -209,14 +228,13 @@ def predict_meshes(
 
 
 def _trainings(
-    path: Path, truth: Truth, options: Options, stack: contextlib.ExitStack
+    path: Path, truth: Truth, trainings: list[str], options: Options, stack: contextlib.ExitStack
 ) -> tuple[list[str], PredictorProcess | None]:
     """Return the sets to train the predictor on, in turn; a single one if it is not trained.
 
     If it had to be loaded to see that, its process is returned as well, since loading may train for
     hours: it has the first set and seed 0. Closing the stack ends it.
     """
-    trainings = list(dict.fromkeys(truth.trainings.tolist()))
     if all(training.partition("/")[2] in PROTOCOLS for training in trainings):
         return trainings, None
     k = truth.eigenvalues.shape[1]
@@ -240,11 +258,13 @@ class _Task:
     """What one process of a predictor is asked: instances, how, and what it was trained on."""
 
     path: Path
-    truth: Truth
+    chosen: NDArray[np.int64]  #: the instances, as indices of the whole truth
+    truth: Truth  #: theirs
     sets: NDArray[np.int64]
     options: Options
     seed: int
     training: str
+    folder: Path  #: of its parts
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +282,6 @@ class _Part:
 def _run(
     task: _Task,
     instances: Instances,
-    folder: Path,
     on_batch: Callable[[int, float], None],
     on_loaded: Callable[[Loaded], None],
     started: PredictorProcess | None,
@@ -272,7 +291,7 @@ def _run(
 
     ``first`` is what is loaded for the first seed and training, if this is another one.
     """
-    truth, options = task.truth, task.options
+    truth, options, folder = task.truth, task.options, task.folder
     parts = _read_parts(folder)
     done = sum(len(part.instances) for part in parts)
     if done:
@@ -314,8 +333,8 @@ def _run(
                 try:
                     if peer is None:
                         # The user's limit may be for a fast predictor
-                        alone = Settings(time_limit=max(options.time_limit, TIME_LIMIT))
-                        lapy = PredictorProcess(REFERENCE_FILE, k, alone)
+                        lapy_settings = Settings(time_limit=max(options.time_limit, TIME_LIMIT))
+                        lapy = PredictorProcess(REFERENCE_FILE, k, lapy_settings)
                         peer = stack.enter_context(lapy)
                         peer.warm_up(warm_up)
                     part = replace(part, reference_seconds=peer.predict(batch, given).seconds)
@@ -385,16 +404,27 @@ def _fingerprint(task: _Task) -> dict[str, object]:
     }
 
 
-def _open_parts(folder: Path, task: _Task) -> bool:
+def _open_parts(task: _Task) -> bool:
     """Make the directory of parts; return whether what it holds is to be gone on from."""
-    note, fingerprint = folder / "run.json", _fingerprint(task)
-    same = task.options.resume and note.exists() and json.loads(note.read_text()) == fingerprint
-    same = same and _unchanged(folder / SOURCES, task)
+    same = _goes_on(task)
     if not same:
-        shutil.rmtree(folder, ignore_errors=True)
-        files.make_directory(folder)
-        files.write_text(note, json.dumps(fingerprint))
+        shutil.rmtree(task.folder, ignore_errors=True)
+        files.make_directory(task.folder)
+        files.write_text(task.folder / NOTE, json.dumps(_fingerprint(task)))
     return same
+
+
+def _goes_on(task: _Task) -> bool:
+    """Whether the directory of parts holds what is to be gone on from."""
+    note = task.folder / NOTE
+    same = task.options.resume and note.exists()
+    same = same and json.loads(note.read_text()) == _fingerprint(task)
+    return same and _unchanged(task.folder / SOURCES, task)
+
+
+def _is_answered(task: _Task) -> bool:
+    """Whether an earlier run has answered all of a task, so that its process need not start."""
+    return (task.folder / ENDED).exists() and _goes_on(task)
 
 
 def _folders(task: _Task) -> list[Path]:

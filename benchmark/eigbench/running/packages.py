@@ -24,7 +24,7 @@ HERE = ("synthnet", "eigbench")  # what runs the predictor is this release
 def install(code: Path, folder: Path) -> Path | None:
     """Install what a file's header of PEP 723 asks for; None where it has no header.
 
-    Wheels alone, since to build a package runs its code outside the box.
+    Wheels alone, since to build a package runs its code outside the sandbox.
 
     Raises
     ------

@@ -17,7 +17,7 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
-from eigbench.errors import Died, OverMemory, OverTime, PredictorError
+from eigbench.errors import Died, OverMemory, OverTime, PredictorError, WorksUnasked
 from eigbench.results.sources import digest, is_output
 from eigbench.running import frames, predictor, supervisor, tree
 from eigbench.running.box import BUBBLEWRAP, NONE, Box, Settings
@@ -92,7 +92,7 @@ class Status:
     """Peak memory of a predictor's processes so far, in bytes, and digests of its files.
 
     ``counted_by`` is how memory and processor time were taken; ``refused`` is what it has tried
-    and its box has refused, as far as Python saw it.
+    and its sandbox has refused, as far as Python saw it.
     """
 
     peak_bytes: int
@@ -126,9 +126,9 @@ class PredictorProcess:
     def __init__(
         self, path: Path, k: int, settings: Settings, *, seed: int = 0, training: str = DEFAULT
     ) -> None:
-        predictor.check_file(path)  # a box has no way to say that there is none
+        predictor.check_file(path)  # a sandbox has no way to say that there is none
         self.boxed = settings.sandbox != NONE
-        path = path.resolve() if self.boxed else path  # a box has another working directory
+        path = path.resolve() if self.boxed else path  # a sandbox has another working directory
         self.job = Job(str(path), settings.device, seed, training, k, watched=self.boxed)
         self.settings, self.time_limit = settings, settings.time_limit
         self.loaded: Loaded
@@ -165,7 +165,7 @@ class PredictorProcess:
         self._usage = Usage(self._tree, group)
         try:
             start = time.perf_counter()
-            self._channel.send(frames.JOB, json.dumps(asdict(self.job)).encode())
+            self._send(frames.JOB, json.dumps(asdict(self.job)).encode(), "while loading")
             facts = self._facts(frames.LOADED, "while loading")
             loading = time.perf_counter() - start
             meta = predictor.checked_meta(facts.pop("meta"), path)
@@ -224,7 +224,7 @@ class PredictorProcess:
         """
         self._between()
         if self._unasked > max(UNASKED, UNASKED_SHARE * self._asked):
-            raise PredictorError(
+            raise WorksUnasked(
                 f"{Path(self.job.path).name} works while it is not asked, {self._unasked:.1f} s of "
                 f"processor time beside {self._asked:.1f} s in its batches: let it rest in between"
             )

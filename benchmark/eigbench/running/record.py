@@ -114,7 +114,7 @@ def of_copies(evaluation: Evaluation) -> float | None:
     return float(seconds[~new].sum() / sizes[~new].sum() / each)
 
 
-def two_faced(targeted: Iterable[Truth], evaluation: Evaluation) -> list[str]:
+def copies_answered_otherwise(targeted: Iterable[Truth], evaluation: Evaluation) -> list[str]:
     """Return what shows that shapes are answered in another way when they are asked again.
 
     Which instance of a shape is asked first, and timed, is drawn at random. So an honest
@@ -178,7 +178,7 @@ def _by_turn(
 
 
 def findings(cost: dict[str, Any], refused: Sequence[str] = ()) -> list[str]:
-    """Return what makes a run doubtful, a line each: its times, and what its box has refused."""
+    """Return what makes a run doubtful, a line each: its times, and what its sandbox refused."""
     lines = []
     if refused:
         more = f" and {len(refused) - 3} more" if len(refused) > 3 else ""

@@ -25,14 +25,14 @@ PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
 def main() -> None:
     """Run a predictor's process that is given the descriptor of a socket; exit as it does.
 
-    With a second argument it is in a box: :data:`HELD` in one of bubblewrap, or else the file of
-    Landlock's rules, to which it first holds itself. Nothing that it makes there outlives it.
+    With a second argument it is in a sandbox: :data:`HELD` in one of bubblewrap, or else the file
+    of Landlock's rules, to which it first holds itself. Nothing that it makes there outlives it.
     """
-    descriptor, *box = sys.argv[1:]
-    if box == [HELD]:
+    descriptor, *sandbox = sys.argv[1:]
+    if sandbox == [HELD]:
         calls.refuse(calls.KEEPING)
-    elif box:
-        landlock.enter(Path(box[0]))
+    elif sandbox:
+        landlock.enter(Path(sandbox[0]))
     _find_packages()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the harness, which ends this
     if sys.platform == "linux":

@@ -106,7 +106,7 @@ def _attempts() -> dict[str, None]:
     """From now on note what Python opens, changes and connects to, whether it succeeds or not.
 
     Python tells of each before it happens. Code that does not want to be seen can go without it:
-    the box holds all the same.
+    the sandbox holds all the same.
     """
     noted: dict[str, None] = {}
 

@@ -28,7 +28,7 @@ def panel(rows: Sequence[Scaled], verdicts: Sequence[Verdict], size: int) -> Pan
     """Return what a chart of one size has beside the models.
 
     To win, a prediction must be faster than the exact solver is for the same error, and that error
-    is at most :data:`scores.NEAR` times the discretisation error of these meshes.
+    is at most :data:`scores.WINNING_ERROR` times the discretisation error of these meshes.
 
     The rows are of one setting, the verdicts of these rows, one a size.
     """
@@ -38,7 +38,7 @@ def panel(rows: Sequence[Scaled], verdicts: Sequence[Verdict], size: int) -> Pan
     solver = [(lapy / times[n], errors[n]) for n in times]
     border: list[tuple[float, float]] = []
     if size in times:
-        top = scores.NEAR * errors[size]
+        top = scores.WINNING_ERROR * errors[size]
         below = sorted((errors[n], lapy / times[n]) for n in times if errors[n] < top)
         border = [(speed, error) for error, speed in below]
         border.append((lapy / scores.interpolated_seconds(errors, times, top), top))

@@ -68,7 +68,7 @@ def run(
         made by other code, on another machine or with other settings.
     PredictorError
         If the predictor does not load or fails on a small mesh; nothing is written then. Or if
-        LaPy fails.
+        LaPy fails; the mesh before is written without its time.
     """
     chosen = [surfaces.pinned(surface, size) for size in sizes for surface in surfaces.SURFACES]
     if out.exists() and not settings.resume:
@@ -84,19 +84,27 @@ def run(
             on_mesh(expected.pin.id)
             mesh = surfaces.mesh(expected.surface, expected.size)
             surfaces.check(expected, mesh)
-            entry = _measured(path, expected, mesh, settings)
+            entry, failure = _measured(path, expected, mesh, settings), None
             if expected.size <= surfaces.TIMED_BESIDE:
-                if peer is None:
-                    lapy = PredictorProcess(REFERENCE_FILE, surfaces.K, ALONE)
-                    peer = stack.enter_context(lapy)
-                    peer.warm_up(1)
-                answers = _repeated(peer, expected.pin.id, mesh)
-                entry["reference_seconds"] = float(np.median([a.seconds for a in answers]))
+                try:
+                    if peer is None:
+                        lapy = PredictorProcess(REFERENCE_FILE, surfaces.K, ALONE)
+                        peer = stack.enter_context(lapy)
+                        peer.warm_up(1)
+                    answers = _repeated(peer, expected.pin.id, mesh)
+                    entry["reference_seconds"] = float(np.median([a.seconds for a in answers]))
+                except PredictorError as error:
+                    failure = error
             done[expected.surface, expected.size] = entry
             order = list(surfaces.SURFACES)
             keys = sorted(done, key=lambda key: (key[1], order.index(key[0])))
             result["meshes"] = [done[key] for key in keys]
             results.write(out, result, scaling_results.validate)
+            if failure is not None:
+                raise PredictorError(
+                    f"LaPy, timed beside the predictor, failed ({failure}): --resume goes on with "
+                    "the next mesh"
+                ) from failure
     return result if "meshes" in result else scaling_results.read(out).result
 
 

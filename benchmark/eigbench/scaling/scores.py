@@ -2,9 +2,9 @@
 
 An exact solver is recognised by its answers: on a mesh, every model within :data:`EXACT` of the
 label in every eigenvalue is one. Every other answer is a prediction, that of other elements too. It
-wins on a mesh if its error to the surface's spectrum is at most :data:`NEAR` times that of the
-label, and the fastest exact solver on the same machine takes longer to reach this error, on the
-mesh of that surface that it takes for it, be that coarser or finer than this one.
+wins on a mesh if its error to the surface's spectrum is at most :data:`WINNING_ERROR` times that
+of the label, and the fastest exact solver on the same machine takes longer to reach this error, on
+the mesh of that surface that it takes for it, be that coarser or finer than this one.
 """
 
 from collections import Counter
@@ -20,7 +20,8 @@ from eigbench.scaling import surfaces
 from eigbench.scaling.results import ANSWERED, Scaled
 
 EXACT = 1e-9  # relative, of every eigenvalue: solvers are within 1e-11, a good fit is not
-NEAR = 2.0  # times the discretisation error; a larger error is a trade against time, not a win
+# Times the discretisation error; a larger error is a trade against time, not a win
+WINNING_ERROR = 2.0
 SAME = 1e-6  # relative: distances from a surface that differ by less are equal
 
 
@@ -53,7 +54,7 @@ class Verdict:
 class Median:
     """A median of numbers of which some are known by bounds alone."""
 
-    side: str  #: ``<`` or ``>`` where the median is not known, but this bound of it; else empty
+    side: str  #: ``"< "`` or ``"> "`` where this bound of the median alone is known; else empty
     value: float  #: NaN where nothing is known
 
 
@@ -255,7 +256,7 @@ def verdict(rows: Sequence[Scaled], size: int) -> Verdict:
         if exact is None:
             continue
         fastest[surface] = exact
-        near = NEAR * surfaces.pinned(surface, size).discretisation_error
+        near = WINNING_ERROR * surfaces.pinned(surface, size).discretisation_error
         for row, mesh in _answers(rows, surface, size):
             predicted = distance(mesh) <= near and not is_exact(mesh)
             if predicted and seconds(mesh) < equal_seconds(surface, every[surface], distance(mesh)):

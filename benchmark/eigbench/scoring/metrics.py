@@ -103,6 +103,8 @@ def psnr_above_20(p: Array, g: Array) -> Array:
 def l1_norm(p: Array, g: Array) -> Array:
     r"""Return :math:`\sum_i |p_i - g_i|`.
 
+    Paper, tables 1 to 3.
+
     Examples
     --------
     >>> l1_norm(np.array([[1.0, 8.0]]), np.array([[4.0, 4.0]]))
@@ -114,6 +116,8 @@ def l1_norm(p: Array, g: Array) -> Array:
 
 def l2_norm(p: Array, g: Array) -> Array:
     r"""Return :math:`\sqrt{\sum_i (p_i - g_i)^2}`.
+
+    Paper, tables 1 to 3.
 
     Examples
     --------
@@ -138,8 +142,6 @@ class Metric:
         Direction.
     unit : str
         Unit of a value; empty for a pure number.
-    source : str
-        Where the paper defines it.
     decimals : int
         In tables.
     """
@@ -149,7 +151,6 @@ class Metric:
     function: Callable[[Array, Array], Array]
     higher_is_better: bool
     unit: str
-    source: str
     decimals: int
 
     @property
@@ -162,13 +163,13 @@ class Metric:
 METRICS: dict[str, Metric] = {
     m.key: m
     for m in (
-        Metric("invlap", "InvLap", inverse_laplacian, False, "", "section 3.5", 4),
-        Metric("rpd", "RPD", relative_percent_difference, False, "", "section 3.4", 4),
-        Metric("polar", "PolarLoss", polar_loss, False, "", "section 3.4", 4),
-        Metric("psnr", "PSNR", psnr, True, "dB", "section 4.3", 2),
-        Metric("psnr20", "PSNR>20", psnr_above_20, True, "share", "section 4.3", 4),
-        Metric("l1", "ℓ1", l1_norm, False, "1/length²", "tables 1 to 3", 3),
-        Metric("l2", "ℓ2", l2_norm, False, "1/length²", "tables 1 to 3", 3),
+        Metric("invlap", "InvLap", inverse_laplacian, False, "", 4),
+        Metric("rpd", "RPD", relative_percent_difference, False, "", 4),
+        Metric("polar", "PolarLoss", polar_loss, False, "", 4),
+        Metric("psnr", "PSNR", psnr, True, "dB", 2),
+        Metric("psnr20", "PSNR>20", psnr_above_20, True, "share", 4),
+        Metric("l1", "ℓ1", l1_norm, False, "1/length²", 3),
+        Metric("l2", "ℓ2", l2_norm, False, "1/length²", 3),
     )
 }
 

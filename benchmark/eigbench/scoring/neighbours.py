@@ -13,7 +13,7 @@ from eigbench.scoring.names import SURFACE
 from eigbench.scoring.training import on_imports
 from eigbench.scoring.truth import Truth
 
-NEAR = 0.01  # a shape of training within it makes a test one of interpolation
+SIMILAR = 0.01  # a shape of training within it makes a test one of interpolation
 
 
 @lru_cache(maxsize=16)
@@ -49,7 +49,7 @@ def distances(version: str, protocol: str) -> NDArray[np.float64]:
     return apart
 
 
-def share(version: str, protocol: str, within: float = NEAR) -> str:
+def share(version: str, protocol: str, within: float = SIMILAR) -> str:
     """Return the share of the tested shapes that have one of training within a distance."""
     return f"{100 * np.mean(distances(version, protocol) <= within):.0f} %"
 

@@ -59,18 +59,18 @@ def untrained(meta: Mapping[str, object]) -> bool:
     return meta.get("kind") != "learned" and meta.get("training_data", "none") == "none"
 
 
-def trained_on(meta: Mapping[str, object], version: str) -> bool:
+def may_be_trained_on(meta: Mapping[str, object], version: str) -> bool:
     """Return whether a model may be fitted to a version's labels, by what it says of its data.
 
     It may, unless it names versions, of any size, and this is none of them.
 
     Examples
     --------
-    >>> trained_on({"training_data": "synthNet 1.0-small train, grouped"}, "2.0")
+    >>> may_be_trained_on({"training_data": "synthNet 1.0-small train, grouped"}, "2.0")
     False
-    >>> trained_on({"training_data": "1.0-mini train"}, "2.0")
+    >>> may_be_trained_on({"training_data": "1.0-mini train"}, "2.0")
     False
-    >>> trained_on({"training_data": "the training split, 2.5 h"}, "2.0-mini")
+    >>> may_be_trained_on({"training_data": "the training split, 2.5 h"}, "2.0-mini")
     True
     """
     from synthnet import recipe  # a predictor's process needs the name above, and no families

@@ -10,7 +10,7 @@ from eigbench.board import page
 from eigbench.board.columns import Cell, of_score, six_digits
 from eigbench.board.cost_columns import ratios
 from eigbench.board.ranked_columns import KIND
-from eigbench.board.ranking import RANKED_BY, Apart, Ranked, count_ranked
+from eigbench.board.ranking import RANKED_BY, PairedDifference, Ranked, count_ranked
 from eigbench.board.tables import deviation, family_title, in_order, with_uncertainty
 from eigbench.results import sources
 from eigbench.results.submission import Submission
@@ -60,7 +60,7 @@ def _ranked(mine: Sequence[tuple[Shown, Ranked]], names: Mapping[str, str]) -> d
     }
 
 
-def _apart(other: Apart, name: str) -> list[object]:
+def _apart(other: PairedDifference, name: str) -> list[object]:
     """Return how far another row is from the model."""
     ends = map(six_digits, (other.mean, other.low, other.high))
     return [other.slug, name, *ends, other.sure]

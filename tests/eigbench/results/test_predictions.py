@@ -1,6 +1,7 @@
 """Files of predictions: exact round trips, and a strict join by id."""
 
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -126,6 +127,18 @@ def test_file_that_is_not_of_the_split_is_refused(split, values, what, suffix, t
     change, message = WRONG[what]
     path = save(tmp_path / f"p{suffix}", *change(split.ids, values))
     refuse(path, split, message.format(*split.ids))
+
+
+class Unsearched(tuple):
+    """Ids among which no id may be searched for: of unknown ones a file can have many."""
+
+    def __contains__(self, id):
+        raise AssertionError(id)
+
+
+def test_unknown_ids_are_not_searched_for_one_by_one(split, values, tmp_path):
+    path = save(tmp_path / "p.parquet", [f"cone-{i}" for i in range(20)], values)
+    refuse(path, replace(split, ids=Unsearched(split.ids)), "not in the split: cone-0, cone-1, ")
 
 
 def test_only_the_first_ids_are_named(split, values, mini_truth, tmp_path):

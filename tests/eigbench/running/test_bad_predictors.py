@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from eigbench.commands.predict import CHANGED
+from eigbench.commands.predict import CHANGED, answers
+from eigbench.errors import PredictorError
 from eigbench.results import predictions
 from eigbench.running import evaluate as running
 from eigbench.running import machine
@@ -257,6 +258,16 @@ def test_what_was_computed_before_a_failure_is_kept_and_resumed(
     assert whole["predictions"] == result["predictions"]
 
 
+def test_what_no_resume_goes_on_from_has_no_such_hint(
+    predictor_file, mini_truth, mini_meshes, tmp_path
+):
+    path = predictor_file(PRELUDE + FAILS_IN_BATCH_2.format(how=HOWS["raises"][0]))
+    options = running.Options(batch_size=BATCH)
+    with pytest.raises(PredictorError, match=r"RuntimeError: no luck(?!.*--resume)"):
+        answers(path, mini_truth.head(LIMIT), mini_meshes, options, tmp_path / "parts")
+    assert list((tmp_path / "parts").glob("*/*.npz"))
+
+
 def test_what_an_earlier_run_has_written_is_no_part_of_a_predictor(
     evaluate, predictor_file, tmp_path
 ):
@@ -362,6 +373,21 @@ def test_what_an_interrupted_process_has_cost_and_tried_is_kept(interrupted, mon
     cost = json.loads((tmp_path / "out.json").read_text())["cost"]
     assert cost["peak_memory_mb"] == 2048
     assert cost["loading_seconds"] > 1
+
+
+def test_resume_does_not_clear_what_works_unasked(fails, predictor_file, monkeypatch, tmp_path):
+    predict = PredictorProcess.predict
+
+    def works(process, *given):
+        answered = predict(process, *given)
+        process._unasked = 1e9
+        return answered
+
+    monkeypatch.setattr(PredictorProcess, "predict", works)
+    path = predictor_file(PRELUDE + "def predict(meshes): return weyl(meshes)")
+    for _ in range(2):
+        assert "--resume" not in fails("", "works while it is not asked", "--resume", path=path)
+        assert not list(tmp_path.glob(".out.json.parts*"))
 
 
 def test_several_seeds_need_a_predictor_that_takes_one(evaluate, fails, tmp_path):

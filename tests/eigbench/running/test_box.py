@@ -1,4 +1,4 @@
-"""The box: what a predictor in it cannot reach, and what it answers there all the same."""
+"""The sandbox: what a predictor in it cannot reach, and what it answers there all the same."""
 
 import contextlib
 import hashlib
@@ -76,7 +76,7 @@ def kind(request):
 
 
 def warmed(file, sandbox, **more):
-    """Run a predictor in a box until it is warm, and return the box's report."""
+    """Run a predictor in a sandbox until it is warm, and return its report."""
     with PredictorProcess(file, 10, box.Settings(sandbox=sandbox, **more)) as process:
         process.warm_up(1)
         return process.status()
@@ -99,7 +99,7 @@ def listening():
 
 @pytest.fixture
 def asked(predictor_file, secret, listening, monkeypatch):
-    """Return a function that runs an attempt, caught or not, and returns the box's report."""
+    """Return a function that runs an attempt, caught or not, and returns the sandbox's report."""
 
     def ask(attempt, kind, *, caught=False, readable=()):
         call = "attempt()"

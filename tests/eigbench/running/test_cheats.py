@@ -324,15 +324,15 @@ def test_a_predictor_that_answers_copies_better_than_what_is_timed_is_named(
     np.savez(tmp_path / "my_model.npz", **table)
     evaluation = evaluated(TWO_FACED.replace("FIRST", first), mini_truth, batch_size=50)
     assert evaluation.first.sum() == len(set(mini_truth.shapes.tolist()))
-    findings = record.two_faced(targets.every(mini_truth), evaluation)
+    findings = record.copies_answered_otherwise(targets.every(mini_truth), evaluation)
     assert any("computed differently" in finding for finding in findings) == named
 
 
-def test_a_predictor_that_rotations_change_is_not_two_faced(evaluated, mini_truth):
+def test_a_predictor_that_rotations_change_answers_no_copies_otherwise(evaluated, mini_truth):
     code = "import numpy as np\ndef predict(meshes):\n    return np.stack([1 + np.abs(m.vertices"
     code += "[:10, 0]) for m in meshes])\n"  # which a rotation changes
     evaluation = evaluated(code, mini_truth, batch_size=50)
-    assert record.two_faced(targets.every(mini_truth), evaluation) == []
+    assert record.copies_answered_otherwise(targets.every(mini_truth), evaluation) == []
 
 
 KNOWS = """

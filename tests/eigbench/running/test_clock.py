@@ -70,6 +70,53 @@ def test_no_shape_is_asked_twice_and_the_batches_of_a_size_are_alike(mini_truth,
     assert all(a.max() <= b.min() for a, b in itertools.pairwise(sizes))
 
 
+LATER = """
+import os, time
+import numpy as np
+
+calls = 0
+
+def predict(meshes):
+    global calls
+    calls += 1
+    if calls == 3:  # the first is the warm-up
+        {}
+    return np.ones((len(meshes), 10))
+"""
+
+
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        ("raise ValueError", r"^bad\.py: the predictor failed: ValueError "),
+        ("time.sleep(60)", r"^bad\.py: the predictor took more than 3 s on the batch of 1 "),
+        ("os._exit(1)", r"^bad\.py: the predictor's process died on the batch of 1 "),
+        ("return np.ones((1, 9))", r"^bad\.py: the answer has shape \(1, 9\), it must be"),
+        ("return np.full((1, 10), np.nan)", r"^bad\.py: the answer has numbers that are not fin"),
+    ],
+)
+def test_what_goes_wrong_is_said_at_once_and_whose_it_is(
+    code, message, two, predictor_file, mini_truth, mini_meshes
+):
+    labels = mini_truth.take(timing.asked(mini_truth, 6))
+    paths, steps = [two[0], predictor_file(LATER.format(code), "bad.py")], []
+    how = {"batch_size": 1, "repeats": 1, "settings": box.Settings(time_limit=3.0)}
+    with pytest.raises(PredictorError, match=message):
+        clock.together(paths, labels, mini_meshes, **how, on_step=steps.append)
+    assert steps[-1] == "batch 2 of 6: bad.py"
+
+
+def test_lapys_failure_is_not_laid_on_a_predictor(
+    predictor_file, mini_truth, mini_meshes, monkeypatch
+):
+    lapy = predictor_file(LATER.format("os._exit(1)"), "reference.py")
+    monkeypatch.setattr(clock, "REFERENCE_FILE", lapy)
+    labels = mini_truth.take(timing.asked(mini_truth, 4))
+    how = {"batch_size": 1, "repeats": 1, "settings": box.Settings()}
+    with pytest.raises(PredictorError, match=r"^LaPy: the predictor's process died on "):
+        clock.together([lapy], labels, mini_meshes, **how)
+
+
 def test_too_few_shapes_is_one_line(mini_truth):
     with pytest.raises(EigbenchError, match=r"has 34 shapes .* --repeats may be 34 at most"):
         timing.asked(mini_truth, 35)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from eigbench.errors import PredictorError
+from eigbench.errors import Died, PredictorError
 from eigbench.running import box, frames, machine, meshes, record, reference, worker
 from eigbench.running.box import Settings
 from eigbench.running.evaluate import Evaluation, Options, evaluate, predict_meshes
@@ -515,6 +515,20 @@ def test_a_process_that_cannot_start_leaves_nothing(predictor_file, monkeypatch,
         process.__enter__()
     assert list((tmp_path / "temporary").iterdir()) == []
     assert groups() == before
+
+
+def test_a_process_that_ends_at_once_is_said_to_have_died(predictor_file, monkeypatch):
+    real = subprocess.Popen
+
+    def popen(command, **options):
+        process = real([sys.executable, "-c", "import os; os._exit(3)"], **options)
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+        return process
+
+    process = PredictorProcess(predictor_file(ONES), 10, Settings())
+    monkeypatch.setattr("eigbench.running.process.subprocess.Popen", popen)
+    with pytest.raises(Died, match=r"process died while loading \(exit code 3"):
+        process.__enter__()
 
 
 LISTS = """

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from eigbench.board import leaderboard, scaling_page
-from eigbench.errors import EigbenchError, ResultError
+from eigbench.errors import EigbenchError, PredictorError, ResultError
 from eigbench.scaling import results as scaling_results
 from eigbench.scaling import run as scaling_run
 from eigbench.scaling import scores as scaling_scores
@@ -242,6 +242,23 @@ def test_pins_are_read_by_path(monkeypatch):
     surfaces.read.cache_clear()
     assert surfaces.read()
     assert [type(source) for source in sources] == [type(Path())]
+
+
+def test_failure_of_lapy_is_said_and_loses_no_mesh(predictor_file, out, only, monkeypatch):
+    only(TWO)
+    monkeypatch.setattr(surfaces, "TIMED_BESIDE", 1_000)
+    lapy = predictor_file("def predict(meshes): raise ValueError('no')", "lapy.py")
+    monkeypatch.setattr(scaling_run, "REFERENCE_FILE", lapy)
+    code = predictor_file(EIGHTY)
+    for done in (["ellipsoid"], ["ellipsoid", "open_cylinder"]):
+        with pytest.raises(
+            PredictorError, match=r"^LaPy, timed .* ValueError: no.*: --resume goes"
+        ):
+            scaling_run.run(code, [1_000], Settings(resume=True), out)
+        meshes = scaling_results.read(out).meshes
+        assert [surface for surface, _ in meshes] == done
+        assert all(mesh["outcome"] == "answered" for mesh in meshes.values())
+        assert all(mesh["reference_seconds"] is None for mesh in meshes.values())
 
 
 def test_an_interrupted_run_keeps_what_it_has(predictor_file, out, only):

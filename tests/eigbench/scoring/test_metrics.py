@@ -211,7 +211,6 @@ def takes_an_empty_batch(metric, p, g):
 def says_what_it_is(metric, p, g):
     assert METRICS[metric.key] is metric
     assert metric.title
-    assert metric.source
     assert metric.decimals > 0
     assert metric.function.__doc__
 
