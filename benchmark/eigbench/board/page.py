@@ -68,10 +68,10 @@ spectra pinned in this repository; CI does so again and fails if one byte differ
 submitted model. [How to add a row](docs/submit.md) · [what the metrics mean](docs/metrics.md) ·
 [the rules](docs/rules.md) · [every prediction as a table](docs/submit.md#boards-for-programs)
 
-**Rank** is a 95 % confidence interval: it follows from paired differences to every other row, with
-Holm's correction for their number. Scores are means ± half the width of their 95 % interval;
-brackets after a score give the standard deviation over seeds, brackets after a speed its 95 %
-interval. *LaPy with CHOLMOD* is LaPy at its fastest. The *macro average* is the mean of the
+**Rank** is a 95 % confidence interval: it follows from paired differences to every other ranked
+row, with Holm's correction for their number. Scores are means ± half the width of their 95 %
+interval; brackets after a score give the standard deviation over seeds, brackets after a speed its
+95 % interval. *LaPy with CHOLMOD* is LaPy at its fastest. The *macro average* is the mean of the
 families' means. If an interval of a share reaches 100 % or 0 %, its other end is given (≥ or ≤).
 
 **Verified** rows have been run again by a maintainer, in a sandbox, on the test split and on
