@@ -156,7 +156,7 @@ def problems(data: dict) -> list[str]:
     return [
         f"{row['shape']}, {row['elements']} {row['mass']}: order {row['order']:.2f}"
         for row in data["rows"]
-        if row["order"] < (3.7 if (row["shape"], row["elements"]) in fast else 1.7)
+        if not row["order"] >= (3.7 if (row["shape"], row["elements"]) in fast else 1.7)
     ]
 
 

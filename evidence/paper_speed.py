@@ -39,10 +39,19 @@ def short(measured: dict) -> str:
 def _sentences(measured: dict) -> list[str]:
     paper = json.loads(PAPER.read_text())
     (figure,) = (table for table in paper["tables"] if table["title"] == FIGURE_2)
-    rows = json.loads(BOARD.read_text())["rows"]
-    errors = {row["name"]: row["scores"]["overall"]["rpd"]["mean"] for row in rows}
     costs = {row["name"]: row["cost"] for row in timing.read(ROOT)[VERSION]}
-    return sentences(figure["rows"], errors, costs, measured["figure2"])
+    return sentences(figure["rows"], errors_on_board(), costs, measured["figure2"])
+
+
+def errors_on_board() -> dict[str, float]:
+    """Return the mean RPD to the surface of each row."""
+    rows = json.loads(BOARD.read_text())["rows"]
+    return {row["name"]: row["scores"]["overall"]["rpd"]["mean"] for row in rows}
+
+
+def nearest(errors: Mapping[str, float]) -> str:
+    """Return the name of the network of the paper's kind with the least error."""
+    return min((name for name in errors if name.startswith(NETWORK)), key=errors.__getitem__)
 
 
 def sentences(
@@ -64,7 +73,7 @@ def sentences(
     batches
         Seconds for batches of 200 meshes, with ``what`` and ``where``.
     """
-    name = min((name for name in errors if name.startswith(NETWORK)), key=errors.__getitem__)
+    name = nearest(errors)
     cost = costs[name]
     theirs = {what: seconds for what, where, seconds in reported if where.startswith("AMD")}
     seconds = {r["what"]: r["seconds"] for r in batches if r["where"] == ONE_THREAD}

@@ -159,9 +159,8 @@ def worker_pool(count: int, begin: Callable[[], None] | None = None) -> Iterator
     try:
         yield pool
     except BaseException:
-        for process in context.started:
-            if process.is_alive():
-                process.terminate()
+        for process in {*context.started} & {*multiprocessing.active_children()}:
+            process.terminate()
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)

@@ -139,7 +139,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
             )
         if protocol not in PROTOCOLS:  # it is the version's own
             if store.open_unversioned(version, root) is not None:
-                raise RecipeError(f"{version} has no protocol {protocol}: grouped or paper")
+                raise RecipeError(f"{version} opens under grouped or paper only, got {protocol}")
             splits.folds(recipe.load(version), protocol, split)
         self.version, self.split, self.protocol, self.augment = version, split, protocol, augment
         self.target = target

@@ -43,6 +43,8 @@ def write_data(directory: Path, items: Iterable[Data]) -> None:
                     "transform, which may return any type"
                 )
             attributes = data.to_dict()
+            for key, value in attributes.items():
+                _check(key, value)
             if not digests:
                 kinds = {key: _kind(data, key, value) for key, value in attributes.items()}
                 files = {
@@ -146,12 +148,16 @@ def _kind(data: Data, key: str, value: Any) -> dict[str, Any]:
     }
 
 
-def _rows(key: str, value: Any, dim: int) -> NDArray[Any]:
-    """Return a tensor's values along one of its dimensions."""
-    if not isinstance(value, torch.Tensor) or not value.dim():
+def _check(key: str, value: Any) -> None:
+    """Raise TypeError if an attribute is of no type that can be kept."""
+    if not isinstance(value, PLAIN) and not (isinstance(value, torch.Tensor) and value.dim()):
         raise TypeError(
             f"pre_transform may add tensors, numbers and strings; {key} is {type(value).__name__}"
         )
+
+
+def _rows(key: str, value: torch.Tensor, dim: int) -> NDArray[Any]:
+    """Return a tensor's values along one of its dimensions."""
     try:
         rows: NDArray[Any] = value.detach().cpu().movedim(dim, 0).contiguous().numpy()
     except (TypeError, RuntimeError) as error:  # NumPy has no such dtype or layout

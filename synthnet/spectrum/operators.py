@@ -180,7 +180,7 @@ class Discrete(NamedTuple):
 
 
 def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
-    """Return an operator of a mesh as matrices.
+    """Return an operator of a mesh as matrices, without a warning of a mesh that is no surface.
 
     Parameters
     ----------

@@ -1,6 +1,10 @@
 """The sentences that answer whether a network is faster than finite elements."""
 
-from evidence.paper_speed import sentences
+from eigbench import results
+
+from evidence import ROOT
+from evidence.gcn import NEAREST
+from evidence.paper_speed import errors_on_board, nearest, sentences
 
 REPORTED = [
     ["GCN, a batch of 200 meshes", "NVIDIA A100", "0.11"],
@@ -34,6 +38,16 @@ def test_the_nearest_network_is_set_beside_the_solvers():
     assert speed.endswith("; the certified solver is 3 × (2.7–3.3) as fast as LaPy.")
     assert error.endswith("RPD to the surface is 0.3100, that of the solvers 0.2800.")
     assert "are 6 × and 4 × as fast as LaPy. The network is *GCN near*." in batches
+
+
+def test_the_network_that_is_timed_in_batches_is_the_nearest_on_the_board():
+    models = [
+        results.load(path)["model"]
+        for path in (ROOT / "benchmark" / "results" / "1.0-test-grouped").glob("*.json")
+    ]
+    name = nearest(errors_on_board())
+    (code,) = (model["code"] for model in models if model["name"] == name)
+    assert code == f"reproduction.py:{NEAREST.replace('-', '_')}"
 
 
 def test_solvers_that_differ_each_have_their_error():

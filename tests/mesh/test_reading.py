@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
 import numpy as np
@@ -113,13 +114,19 @@ def test_file_of_which_two_processes_die_is_refused(sphere, monkeypatch):
 
 @pytest.mark.parametrize("call", ["Pipe", "Process"])
 def test_machine_without_room_for_a_process_is_no_file_s_fault(call, sphere, monkeypatch):
-    def no_room(*_, **__):
+    class Full(SpawnProcess):
+        def start(self):
+            raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+    def no_pipe(self):
         raise OSError(errno.EAGAIN, os.strerror(errno.EAGAIN))
 
+    before = len([*Path("/proc/self/fd").iterdir()])
     with Reader() as reader, monkeypatch.context() as patched:
-        patched.setattr(reading.WorkerContext, call, no_room)
+        patched.setattr(reading.WorkerContext, call, no_pipe if call == "Pipe" else Full)
         with pytest.raises(OSError, match=os.strerror(errno.EAGAIN)):
             reader.read(sphere)
+        assert len([*Path("/proc/self/fd").iterdir()]) == before
         patched.undo()
         assert len(reader.read(sphere).faces) == 80
 

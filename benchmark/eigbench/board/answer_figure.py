@@ -244,7 +244,8 @@ def _on_unseen_families(
     verdict = "most models lose to it"
     if 2 * farther <= len(unseen):
         half = 2 * farther == len(unseen)
-        verdict = "half of the models lose to it" if half else "most models are closer than it"
+        closer = f"{'most' if farther else 'all'} models are closer than it"
+        verdict = "half of the models lose to it" if half else closer
     still = [
         f"*{row.submission.name}* ({_digits(unseen[row.submission.name])})"
         for row in trained

@@ -61,8 +61,8 @@ RANK: Column[Ranked] = Column(
     "rank",
     "rank",
     f"By mean {METRICS[RANKED_BY].title}: the ranks that the row may have, at 95 %, from paired "
-    "differences to every other row. Exact rows stand above the ranking: nothing but rounding sets "
-    "them apart from the target.",
+    "differences to every other ranked row. Exact rows stand above the ranking: nothing but "
+    "rounding sets them apart from the target.",
     lambda row: (row.shown_rank, _order(row)),
     numeric=False,
 )

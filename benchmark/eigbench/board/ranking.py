@@ -72,8 +72,8 @@ class PairedDifference:
     mean: float
     low: float
     high: float
-    #: Whether the two differ by Holm's correction for the other rows that are ranked, which the
-    #: rank goes by; of a row without a rank, by that for the others without one.
+    #: Whether the two differ after Holm's correction: for a ranked row, its rank follows from this.
+    #: Ranked rows are corrected among each other, rows without a rank among theirs.
     sure: bool
 
 

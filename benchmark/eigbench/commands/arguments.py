@@ -128,7 +128,7 @@ def root(sub: argparse.ArgumentParser) -> None:
 
 
 def unpinned(name: str | None, root: Path | None) -> store.StoredDataset | None:
-    """Return the dataset of a directory, an import or a sealed set; None for a version.
+    """Return the dataset of a directory, an import, a sealed set or an own recipe, else None.
 
     Raises
     ------

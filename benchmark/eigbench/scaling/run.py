@@ -68,7 +68,7 @@ def run(
         made by other code, on another machine or with other settings.
     PredictorError
         If the predictor does not load or fails on a small mesh; nothing is written then. Or if
-        LaPy fails; the mesh before is written without its time.
+        LaPy fails: the predictor's answer on that mesh is kept, and never has LaPy's time.
     """
     chosen = [surfaces.pinned(surface, size) for size in sizes for surface in surfaces.SURFACES]
     if out.exists() and not settings.resume:

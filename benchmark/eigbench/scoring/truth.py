@@ -177,7 +177,7 @@ def of_dataset(
     has_recipe = version in recipe.available() or source.kind is Kind.SEALED
     if protocol not in PROTOCOLS and not has_recipe:
         raise EigbenchError(
-            f"{version} has no protocol {protocol}: {' or '.join(PROTOCOLS)}"
+            f"{version} is scored under {' or '.join(PROTOCOLS)} only, got {protocol}"
             f"{suggestion(protocol, PROTOCOLS)}"
         )
     own = None if protocol in PROTOCOLS else recipe.load(source.version)

@@ -569,7 +569,7 @@ def test_a_nearer_row_without_training_has_a_sentence(
     [
         ((1.01, 1.02), "most models lose to it"),
         ((1.0001, 1.02), "half of the models lose to it"),
-        ((1.0001, 1.0002), "most models are closer than it"),
+        ((1.0001, 1.0002), "all models are closer than it"),
     ],
 )
 def test_what_most_models_do_on_unseen_families_is_counted(
