@@ -143,8 +143,12 @@ def row(name: str, elements: str, mass: str, cells: int) -> dict:
         errors.append(float(np.abs(values / shape.exact[:K] - 1).max()))
         sizes.append(len(mesh.vertices))
     return {
-        **{"shape": name, "elements": elements, "mass": mass, "vertices": sizes},
-        **{"errors": errors, "order": float(np.log2(errors[0] / errors[1]))},
+        "shape": name,
+        "elements": elements,
+        "mass": mass,
+        "vertices": sizes,
+        "errors": errors,
+        "order": float(np.log2(errors[0] / errors[1])),
     }
 
 

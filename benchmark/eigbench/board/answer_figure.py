@@ -101,7 +101,7 @@ def _undeclared(board: Board) -> list[Ranked]:
 
 def _unseen(board: Board, row: Ranked) -> float | None:
     """Return a model's mean error on unseen families; ``None`` if not run, or declared, there."""
-    there = board.under.get(UNSEEN, {}).get(row.submission.slug)
+    there = board.row(UNSEEN, row.submission.slug)
     return None if there is None or there.declared else there.scores["overall"][RANKED_BY]["mean"]
 
 

@@ -115,7 +115,7 @@ def generalised_as_json(board: generalisation.Board) -> str:
 
 def _held_out(board: generalisation.Board, model: Submission, protocol: str) -> dict[str, object]:
     """Return a model's rank, seeds and scores under a protocol; null where it was not run."""
-    row = board.under.get(protocol, {}).get(model.slug)
+    row = board.row(protocol, model.slug)
     reason = board.why_not(model, protocol)
     return {
         **({} if reason is None else {"not_run": reason.reason}),

@@ -177,9 +177,13 @@ class Board:
         labels = ran[0].truth if ran else tested(self.version, protocol, self.target)
         return len(np.unique(labels.shapes))
 
+    def row(self, protocol: str, slug: str) -> Ranked | None:
+        """Return a model's row under a protocol, if it has one."""
+        return self.under.get(protocol, {}).get(slug)
+
     def scored(self, model: Submission, protocol: str, key: str) -> HeldOut:
         """Return a model's mean of a metric under a protocol."""
-        row = self.under.get(protocol, {}).get(model.slug)
+        row = self.row(protocol, model.slug)
         if row is None:
             return HeldOut(None)
         own = row.submission
@@ -371,7 +375,7 @@ def rank(board: Board) -> Column[Ranked]:
     first = board.protocols[0]
 
     def cell(row: Ranked) -> Cell:
-        there = board.under.get(first, {}).get(row.submission.slug)
+        there = board.row(first, row.submission.slug)
         return words("" if there is None else there.shown_rank)
 
     note = f"By mean {METRICS[RANKED_BY].title} under the protocol {first}, as on a board."
