@@ -102,9 +102,7 @@ def _edge_energies(
     """
     columns = np.ascontiguousarray(vectors)
     residuals, diagonal = _residuals(patches, stiffness, mass, columns, values)
-    own, masses = (np.ascontiguousarray(blocks[:, 3:, 3:]) for blocks in (stiffness, mass))
-    highest = _highest(own, masses)
-    return _energies(patches.sides, own, masses, highest, values, diagonal, residuals)
+    return _energies(patches.sides, *_of_edges(stiffness, mass), values, diagonal, residuals)
 
 
 @kernel
@@ -126,11 +124,20 @@ def _residuals(
 
 
 @kernel
-def _highest(own: Floats, masses: Floats) -> Floats:
-    """Return for each patch a θ up to which θ M is at most half of C: 1 / (2 tr C⁻¹ M)."""
-    highest = np.empty(own.shape[0])
-    for f in range(own.shape[0]):
-        c, m = own[f], masses[f]
+def _of_edges(stiffness: Floats, mass: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return C and M of each patch, (m, 6), and a θ up to which θ M is at most half of C.
+
+    Entries are 00, 01, 02, 11, 12 and 22; that θ is 1 / (2 tr C⁻¹ M), (m,).
+    """
+    own, masses = np.empty((stiffness.shape[0], 6)), np.empty((stiffness.shape[0], 6))
+    highest = np.empty(stiffness.shape[0])
+    for f in range(stiffness.shape[0]):
+        c, m = stiffness[f, 3:, 3:], mass[f, 3:, 3:]
+        entry = 0
+        for s in range(3):
+            for t in range(s, 3):
+                own[f, entry], masses[f, entry] = c[s, t], m[s, t]
+                entry += 1
         trace = 0.0
         determinant = 0.0
         for i in range(3):
@@ -143,7 +150,7 @@ def _highest(own: Floats, masses: Floats) -> Floats:
                     determinant += cofactor * c[i, s]
         sound = determinant > 0 and trace > 0  # rounding on needles
         highest[f] = determinant / (2 * trace) if sound else 0.0
-    return highest
+    return own, masses, highest
 
 
 @kernel
@@ -161,17 +168,18 @@ def _energies(
     A column ends by itself, so that it does not depend on how many there are.
     """
     edges, k = r.shape
-    p, q = np.zeros((edges, k)), np.empty((edges, k))
-    energies, before = np.zeros(k), np.full(k, np.inf)
+    p, q = np.zeros((edges, k)), np.zeros((edges, k))
+    energies, before, step = np.zeros(k), np.full(k, np.inf), np.zeros(k)
     ended = np.zeros(k, np.bool_)
     for _ in range(STEPS):
-        now = _weighted_squares(r, diagonal)
+        now = _weighted_squares(r, q, step, diagonal)
         ratio = now / before
         for e in range(edges):
+            inverse = 1 / diagonal[e]
             for j in range(k):
-                p[e, j] = r[e, j] / diagonal[e] + ratio[j] * p[e, j]
+                p[e, j] = r[e, j] * inverse + ratio[j] * p[e, j]
         _multiply(sides, own, masses, highest, values, p, q)
-        step = np.zeros(k)
+        step[:] = 0.0
         for e in range(edges):
             for j in range(k):
                 step[j] += p[e, j] * q[e, j]
@@ -184,20 +192,20 @@ def _energies(
             ended[j] |= step[j] * now[j] <= ENOUGH * energies[j]
         if np.all(ended):
             break
-        for e in range(edges):
-            for j in range(k):
-                r[e, j] -= step[j] * q[e, j]
         before = np.where(now > 0, now, np.inf)
     return energies
 
 
 @part
-def _weighted_squares(r: Floats, diagonal: Floats) -> Floats:
+def _weighted_squares(r: Floats, q: Floats, step: Floats, diagonal: Floats) -> Floats:
+    """Take steps along q from r; return the sums of squares that are left, over the diagonal."""
     squares = np.zeros(r.shape[1])
     for e in range(r.shape[0]):
         inverse = 1 / diagonal[e]
         for j in range(r.shape[1]):
-            squares[j] += r[e, j] * r[e, j] * inverse
+            left = r[e, j] - step[j] * q[e, j]
+            r[e, j] = left
+            squares[j] += left * left * inverse
     return squares
 
 
@@ -214,9 +222,13 @@ def _multiply(
     """Set q to (C − θ M) p, patch by patch, θ at most what it may be there."""
     q[:] = 0.0
     for f in range(sides.shape[0]):
-        for s in range(3):
-            row = q[sides[f, s]]
-            for t in range(3):
-                a, b, column = own[f, s, t], masses[f, s, t], p[sides[f, t]]
-                for j in range(p.shape[1]):
-                    row[j] += (a - min(values[j], highest[f]) * b) * column[j]
+        a, b, c = sides[f]
+        own00, own01, own02, own11, own12, own22 = own[f]
+        mass00, mass01, mass02, mass11, mass12, mass22 = masses[f]
+        for j in range(p.shape[1]):
+            theta = min(values[j], highest[f])
+            x, y, z = p[a, j], p[b, j], p[c, j]
+            ab, ac, bc = own01 - theta * mass01, own02 - theta * mass02, own12 - theta * mass12
+            q[a, j] += (own00 - theta * mass00) * x + ab * y + ac * z
+            q[b, j] += ab * x + (own11 - theta * mass11) * y + bc * z
+            q[c, j] += ac * x + bc * y + (own22 - theta * mass22) * z

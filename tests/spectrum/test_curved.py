@@ -149,7 +149,7 @@ def test_an_estimate_does_not_depend_on_how_many_are_wanted():
 
 def test_without_an_estimate_there_is_no_answer(monkeypatch):
     """No mesh is known to us whose rounding leaves none."""
-    blocks = -np.ones((1, 3, 3)), np.zeros((1, 3, 3))
+    blocks = -np.ones((1, 6)), np.zeros((1, 6))
     energies = surface._energies(
         np.array([[0, 1, 2]], np.int32),
         *blocks,
