@@ -45,10 +45,6 @@ class DamagedError(StoreError):
     """A file of a dataset is missing, truncated or altered."""
 
 
-class OutsideError(SynthNetError):
-    """A file that somebody hands in is not what may be read."""
-
-
 class BuildError(SynthNetError):
     """A build had to stop; the shards it had finished are kept."""
 

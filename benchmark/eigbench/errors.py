@@ -5,6 +5,10 @@ class EigbenchError(Exception):
     """Base of all errors raised on purpose by this package."""
 
 
+class OutsideError(EigbenchError):
+    """A file that somebody hands in is not what may be read."""
+
+
 class PredictorError(EigbenchError):
     """A predictor's file or its answer is not what it must be."""
 

@@ -7,12 +7,12 @@ from typing import Any
 
 from eigbench import results
 from eigbench.board.leaderboard import RESULTS
-from eigbench.errors import EigbenchError
+from eigbench.errors import EigbenchError, OutsideError
 from eigbench.results.sources import digest
 from eigbench.running.predictor import split
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
-from synthnet.errors import OutsideError, counted
+from synthnet.errors import counted
 
 
 def line(root: Path, labels: Truth, code: Path, seeds: int) -> str:

@@ -10,13 +10,13 @@ from typing import Self
 from rich import filesize
 from rich.console import Console
 
+from eigbench import outside
 from eigbench.board import export, leaderboard
 from eigbench.commands import arguments
 from eigbench.commands.arguments import Command
 from eigbench.results.submission import Submission
 from eigbench.scaling import results as scaling_results
 from eigbench.site import bundle, write
-from synthnet import outside
 from synthnet.errors import counted
 from synthnet.store.files import make_directory, write_text
 from synthnet.terminal import print_answer, print_json

@@ -16,13 +16,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from eigbench.errors import PredictionsError
+from eigbench import outside
+from eigbench.errors import OutsideError, PredictionsError
+from eigbench.results import outside_tables
 from eigbench.scoring import metrics
 from eigbench.scoring.names import MESH
 from eigbench.scoring.truth import Truth
-from synthnet import outside
-from synthnet.errors import OutsideError, missing
-from synthnet.store import outside_tables
+from synthnet.errors import missing
 from synthnet.store.files import one_line, write_atomically
 
 METADATA_KEY = b"eigbench"  # of a Parquet file: what was predicted, as JSON
@@ -82,7 +82,7 @@ def read(path: Path, truth: Truth, below: Path | None = None) -> NDArray[np.floa
     truth : Truth
         The split.
     below : Path, optional
-        A folder above the file, as of :func:`synthnet.outside.opened`.
+        A folder above the file, as of :func:`eigbench.outside.opened`.
 
     Returns
     -------

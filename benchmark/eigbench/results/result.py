@@ -14,14 +14,15 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from eigbench.errors import EigbenchError, ResultError
+from eigbench import outside
+from eigbench.errors import EigbenchError, OutsideError, ResultError
 from eigbench.results import verification
 from eigbench.scoring import scores
 from eigbench.scoring.metrics import METRICS
 from eigbench.scoring.names import nameless
 from eigbench.scoring.truth import Truth
-from synthnet import outside, recipe
-from synthnet.errors import OutsideError, counted, missing
+from synthnet import recipe
+from synthnet.errors import counted, missing
 from synthnet.store.files import make_directory, sha256, write_atomically, write_text
 
 SCHEMA_VERSION = 3  # 2: sources by their statements, the commit; 3: scores of both targets
@@ -51,7 +52,7 @@ def setting(result: dict[str, Any]) -> str:
 
 
 def read(path: Path, below: Path | None = None) -> dict[str, Any]:
-    """Read a result and check it; ``below`` is as of :func:`synthnet.outside.opened`.
+    """Read a result and check it; ``below`` is as of :func:`eigbench.outside.opened`.
 
     Raises
     ------
@@ -64,7 +65,7 @@ def read(path: Path, below: Path | None = None) -> dict[str, Any]:
 
 
 def load(path: Path, below: Path | None = None) -> Any:
-    """Read JSON that somebody hands in, as :func:`synthnet.outside.read_json` does.
+    """Read JSON that somebody hands in, as :func:`eigbench.outside.read_json` does.
 
     Raises
     ------

@@ -16,8 +16,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from synthnet import outside
-from synthnet.errors import OutsideError
+from eigbench import outside
+from eigbench.errors import OutsideError
 from synthnet.store.files import sha256
 
 # What follows from the position (ctx), from the spelling (kind), or is written as a comment.
@@ -67,7 +67,7 @@ def is_output(path: Path, below: Path | None = None) -> bool:
 
     They may have a predictor's name, and are no part of it. Results, those of ``scale`` and
     ``time`` too, and predictions are known by what eigbench has written, the others by their
-    suffix. ``below`` is as of :func:`synthnet.outside.opened`; what that does not open is none.
+    suffix. ``below`` is as of :func:`eigbench.outside.opened`; what that does not open is none.
     """
     if path.suffix.lower() in NOTES:
         return True
@@ -123,7 +123,7 @@ def digest(path: Path, below: Path | None = None) -> str:
     """Return the digest of a file, 64 hexadecimal digits.
 
     A Python file that does not parse, or is no code by its size, counts by its bytes, like any
-    other file. ``below`` is as of :func:`synthnet.outside.opened`.
+    other file. ``below`` is as of :func:`eigbench.outside.opened`.
     """
     with outside.opened(path, most=MOST_WEIGHTS, below=below) as file:
         if path.suffix == ".py" and os.fstat(file.fileno()).st_size <= MOST_CODE:

@@ -14,16 +14,15 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from eigbench import results
-from eigbench.errors import ResultError
+from eigbench import outside, results
+from eigbench.errors import OutsideError, ResultError
 from eigbench.results import predictions, sources
 from eigbench.scoring import scores, targets, truth
 from eigbench.scoring.metrics import METRIC_VERSION
 from eigbench.scoring.names import slug
 from eigbench.scoring.training import on_imports
 from eigbench.scoring.truth import Truth
-from synthnet import outside, recipe, store
-from synthnet.errors import OutsideError
+from synthnet import recipe, store
 from synthnet.recipe.names import Kind
 
 AGREE = 1e-9  # relative, between a score that is stored and the same computed here

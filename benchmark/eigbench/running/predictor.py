@@ -36,11 +36,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eigbench import outside
 from eigbench.errors import PredictorError
 from eigbench.scoring import metrics
 from eigbench.scoring.names import TARGETS, nameless
 from eigbench.scoring.training import DEFAULT
-from synthnet import outside
 from synthnet.errors import install, missing, suggestion
 from synthnet.types import Mesh
 

@@ -17,7 +17,7 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
-from eigbench.errors import Died, OverMemory, OverTime, PredictorError, WorksUnasked
+from eigbench.errors import Died, OutsideError, OverMemory, OverTime, PredictorError, WorksUnasked
 from eigbench.results.sources import digest, is_output
 from eigbench.running import frames, predictor, supervisor, tree
 from eigbench.running.box import BUBBLEWRAP, NONE, Box, Settings
@@ -25,7 +25,6 @@ from eigbench.running.meshes import warming
 from eigbench.running.usage import ControlGroup, Usage
 from eigbench.running.worker import Job
 from eigbench.scoring.training import DEFAULT
-from synthnet.errors import OutsideError
 from synthnet.types import Mesh
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

@@ -67,7 +67,7 @@ def is_scaled(path: Path) -> bool:
 
 
 def read(path: Path, below: Path | None = None) -> Scaled:
-    """Read a result and check it; ``below`` is as of :func:`synthnet.outside.opened`.
+    """Read a result and check it; ``below`` is as of :func:`eigbench.outside.opened`.
 
     Raises
     ------

@@ -439,7 +439,7 @@ def test_nothing_is_written_or_removed_through_a_link(tmp_path):
     board = tmp_path / "board"
     board.mkdir()
     (board / "benchmark").symlink_to("../elsewhere")
-    with pytest.raises(SynthNetError, match="benchmark is a symbolic link"):
+    with pytest.raises(EigbenchError, match="benchmark is a symbolic link"):
         results.put([RESULT], [board / "benchmark" / "results" / "r.json"], board)
     assert not list((tmp_path / "elsewhere").iterdir())
 

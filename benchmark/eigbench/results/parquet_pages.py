@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
-from synthnet.errors import OutsideError
+from eigbench.errors import OutsideError
 
 TRUE, FALSE, BYTE, I16, I32, I64, DOUBLE, TEXT, LIST, SET, MAP, STRUCT = range(1, 13)  # of Thrift
 DATA, DICTIONARY, DATA_2 = 0, 2, 3  # kinds of pages; the field of a header that describes each,

@@ -2,7 +2,7 @@
 
 A path is opened name by name and no symbolic link is followed, so a file that is handed in cannot
 stand for another one of this machine. What is no regular file, or is larger than it may be, is
-refused before it is read. :mod:`synthnet.store.outside_tables` reads tables of such files.
+refused before it is read. :mod:`eigbench.results.outside_tables` reads tables of such files.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
-from synthnet.errors import OutsideError
+from eigbench.errors import OutsideError
 
 MOST_JSON = 4 * 2**20  # bytes; the largest result so far has 42 KB
 MOST_TEXT = 64 * 2**10  # bytes of a text that people write

@@ -21,8 +21,8 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from synthnet.errors import OutsideError
-from synthnet.store import parquet_pages
+from eigbench.errors import OutsideError
+from eigbench.results import parquet_pages
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,7 +51,7 @@ def parquet(
     Parameters
     ----------
     file : file
-        As :func:`synthnet.outside.opened` gives it.
+        As :func:`eigbench.outside.opened` gives it.
     columns : mapping of str to int
         Those to be read, where they are there, and how many values a row of each has at most.
     text : str
@@ -134,7 +134,7 @@ def npz(file: BinaryIO, names: Sequence[str], *, size: int) -> dict[str, NDArray
     Parameters
     ----------
     file : file
-        As :func:`synthnet.outside.opened` gives it.
+        As :func:`eigbench.outside.opened` gives it.
     names : sequence of str
         The arrays to be read.
     size : int
@@ -185,7 +185,7 @@ def csv_table(
     Parameters
     ----------
     file : file
-        As :func:`synthnet.outside.opened` gives it.
+        As :func:`eigbench.outside.opened` gives it.
     columns : sequence of str
         Those to be read, where they are there.
     text, numbers
