@@ -11,7 +11,7 @@ from synthnet.arrays import Int64s
 from synthnet.errors import needed_by
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.spectrum.derivative import clusters, vertex_gradient
-from synthnet.spectrum.inputs import check_count
+from synthnet.spectrum.inputs import as_count
 from synthnet.types import Mesh, Spectrum
 
 with needed_by("synthnet.torch"):
@@ -87,7 +87,7 @@ def eigenvalues(
     >>> round(((vertices * vertices.grad).sum() / values[0]).item(), 4)
     -2.0
     """
-    check_count(k)
+    k = as_count(k)
     if k < 1:
         raise ValueError(f"k must be at least 1, got {k}")
     if not 0 <= tolerance < 1:

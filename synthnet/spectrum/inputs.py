@@ -87,8 +87,8 @@ def repaired(given: Any) -> Repaired:
     return repair(as_mesh(given), Rules(least=TRIANGLE))
 
 
-def check_count(k: Any) -> None:
-    """Check that a number of eigenvalues is an integer, of Python or NumPy.
+def as_count(k: Any) -> int:
+    """Return a number of eigenvalues that is an integer, of Python or NumPy, as Python's.
 
     Raises
     ------
@@ -97,6 +97,7 @@ def check_count(k: Any) -> None:
     """
     if isinstance(k, bool) or not isinstance(k, int | np.integer):
         raise ValueError(f"k must be an integer, got {k!r}")  # noqa: TRY004 - one kind of error for all bad input
+    return int(k)
 
 
 def check(mesh: Mesh) -> None:

@@ -10,7 +10,7 @@ from itertools import islice
 from typing import Any
 
 from synthnet.processes import worker_pool
-from synthnet.spectrum.inputs import as_mesh, check_count
+from synthnet.spectrum.inputs import as_count, as_mesh
 from synthnet.spectrum.operators import PLAIN, Operator
 from synthnet.spectrum.solve import compile_solver, compute
 from synthnet.types import Spectrum
@@ -52,7 +52,7 @@ def spectra(
     >>> [round(float(found.eigenvalues[0]), 1) for found in spectra(spheres, k=3)]
     [2.1, 0.5]
     """
-    check_count(k)
+    k = as_count(k)
     if workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}")
     solve = partial(compute, k=k, operator=operator, repair=repair)

@@ -21,7 +21,7 @@ from synthnet.spectrum.certificate import (
     near_zero,
 )
 from synthnet.spectrum.fem import Matrices
-from synthnet.spectrum.inputs import as_mesh, check_count, repaired
+from synthnet.spectrum.inputs import as_count, as_mesh, repaired
 from synthnet.spectrum.operators import (
     PLAIN,
     Discrete,
@@ -162,7 +162,7 @@ def compute(
     4
     """
     mesh = as_mesh(mesh)
-    check_count(k)
+    k = as_count(k)
     check_operator(operator)
     if sharp and operator.elements != "linear":
         raise ValueError(f"sharp is for linear elements, not {operator.elements} ones")
@@ -242,11 +242,14 @@ def of_matrices(matrices: Matrices, k: int = 10) -> Spectrum:
 
     Raises
     ------
+    ValueError
+        If k is no integer, or not between 1 and the number of unknowns.
     CertificateError
         If the stronger setting's answer cannot be certified either.
     SpectrumError
         If the iteration does not converge or a factorisation breaks down.
     """
+    k = as_count(k)
     discrete = Discrete(matrices, None, len(matrices.lumped))
     return _spectrum(discrete, k, *_solved(matrices, k))
 
@@ -275,7 +278,7 @@ def smallest(matrices: Matrices, k: int) -> tuple[Floats, Floats]:
     CertificateError, SpectrumError
         As in :func:`of_matrices`.
     """
-    check_count(k)
+    k = as_count(k)
     count, numbers = components.components(matrices)
     n = len(numbers)
     if not 1 <= k <= n:

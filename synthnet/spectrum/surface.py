@@ -30,7 +30,7 @@ from synthnet.errors import SpectrumError
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import curved, fem
 from synthnet.spectrum.bending import Patches, bend
-from synthnet.spectrum.inputs import as_mesh, check_count
+from synthnet.spectrum.inputs import as_count, as_mesh
 from synthnet.spectrum.sheets import warn_of_sheets
 from synthnet.spectrum.solve import of_matrices
 
@@ -77,7 +77,7 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     >>> surface_eigenvalues(sphere, k=4).round(2)  # the smooth sphere has 2, 2, 2, 6
     array([2., 2., 2., 6.])
     """
-    check_count(k)
+    k = as_count(k)
     mesh = as_mesh(mesh)
     fem.check_used(mesh)
     patches = bend(mesh)
