@@ -1,8 +1,9 @@
 r"""The paper's metrics, in NumPy, and the registry that names them.
 
-Every metric takes predictions p and labels g of shape (B, k), float64, in 1/length², and
-returns one value a mesh, shape (B,), float64. A prediction that is not finite gives a
-value that is not finite, and 0 in :func:`psnr_above_20`; nothing is dropped.
+Every metric takes predictions p and labels g, arrays, tensors or lists of shape (B, k), in
+1/length², and returns one value a mesh, shape (B,), float64. It raises :class:`ValueError` if they
+are not both of one such shape: nothing is broadcast. A prediction that is not finite gives a value
+that is not finite, and 0 in :func:`psnr_above_20`; nothing is dropped.
 
 References
 ----------
@@ -14,10 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from synthnet.spectrum.inputs import as_array
 
 Array = NDArray[np.float64]
 
@@ -28,6 +32,23 @@ EPSILON = 1e-12  # what RPD adds; the paper says "a small non-zero constant"
 ACCURATE = 20.0  # decibels of PSNR above which the paper calls a prediction accurate
 
 
+def _of_rows(function: Callable[[Array, Array], Array]) -> Callable[[Any, Any], Array]:
+    """Return a metric that checks what it is given, and is silent where numbers overflow."""
+
+    @wraps(function)
+    def metric(p: Any, g: Any) -> Array:
+        p, g = (as_array(values).astype(np.float64, copy=False) for values in (p, g))
+        if p.ndim != 2 or p.shape != g.shape:
+            raise ValueError(
+                f"predictions and labels must both have shape (B, k), got {p.shape} and {g.shape}"
+            )
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return function(p, g)
+
+    return metric
+
+
+@_of_rows
 def inverse_laplacian(p: Array, g: Array) -> Array:
     r"""Return :math:`\sqrt{\sum_i (g_i/p_i - 1)^2}`; infinite where some p is zero.
 
@@ -38,11 +59,11 @@ def inverse_laplacian(p: Array, g: Array) -> Array:
     >>> inverse_laplacian(np.array([[1.0, 4.0]]), np.array([[2.0, 4.0]]))
     array([1.])
     """
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        ratio = np.where(np.isfinite(p), g / p, np.nan)  # g / inf would pass for 0
-        return np.asarray(np.sqrt(((ratio - 1) ** 2).sum(axis=1)))
+    ratio = np.where(np.isfinite(p), g / p, np.nan)  # g / inf would pass for 0
+    return np.asarray(np.sqrt(((ratio - 1) ** 2).sum(axis=1)))
 
 
+@_of_rows
 def relative_percent_difference(p: Array, g: Array) -> Array:
     r"""Return :math:`\sum_i |p_i - g_i| / (|p_i| + |g_i| + \varepsilon)`, from 0 to k.
 
@@ -53,10 +74,10 @@ def relative_percent_difference(p: Array, g: Array) -> Array:
     >>> relative_percent_difference(np.array([[1.0, 4.0]]), np.array([[3.0, 4.0]])).round(9)
     array([0.5])
     """
-    with np.errstate(invalid="ignore", over="ignore"):
-        return np.asarray((np.abs(p - g) / (np.abs(p) + np.abs(g) + EPSILON)).sum(axis=1))
+    return np.asarray((np.abs(p - g) / (np.abs(p) + np.abs(g) + EPSILON)).sum(axis=1))
 
 
+@_of_rows
 def polar_loss(p: Array, g: Array) -> Array:
     r"""Return :math:`1 - \langle\hat p,\hat g\rangle + \|p-g\| / (\|p\|+\|g\|)`, from 0 to 3.
 
@@ -67,13 +88,13 @@ def polar_loss(p: Array, g: Array) -> Array:
     >>> polar_loss(np.array([[3.0, 0.0]]), np.array([[0.0, 4.0]])).round(6)
     array([1.714286])
     """
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        length_p, length_g = np.linalg.norm(p, axis=1), np.linalg.norm(g, axis=1)
-        cosine = (p * g).sum(axis=1) / (length_p * length_g)
-        apart = np.linalg.norm(p - g, axis=1) / (length_p + length_g)
-        return np.asarray(1 - np.minimum(cosine, 1) + apart)  # rounding may exceed 1
+    length_p, length_g = np.linalg.norm(p, axis=1), np.linalg.norm(g, axis=1)
+    cosine = (p * g).sum(axis=1) / (length_p * length_g)
+    apart = np.linalg.norm(p - g, axis=1) / (length_p + length_g)
+    return np.asarray(1 - np.minimum(cosine, 1) + apart)  # rounding may exceed 1
 
 
+@_of_rows
 def psnr(p: Array, g: Array) -> Array:
     r"""Return :math:`10 \log_{10}(R^2 / \mathrm{MSE})` in dB, R the range of the label.
 
@@ -84,11 +105,11 @@ def psnr(p: Array, g: Array) -> Array:
     >>> psnr(np.array([[1.0, 3.0]]), np.array([[2.0, 4.0]])).round(4)  # R² / MSE = 4
     array([6.0206])
     """
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        error = ((p - g) ** 2).mean(axis=1)
-        return np.asarray(10 * np.log10(np.ptp(g, axis=1) ** 2 / error))
+    error = ((p - g) ** 2).mean(axis=1)
+    return np.asarray(10 * np.log10(np.ptp(g, axis=1) ** 2 / error))
 
 
+@_of_rows
 def psnr_above_20(p: Array, g: Array) -> Array:
     """Return 1 where :func:`psnr` is above 20 dB, else 0; the mean is the paper's share.
 
@@ -97,9 +118,10 @@ def psnr_above_20(p: Array, g: Array) -> Array:
     >>> psnr_above_20(np.array([[1.0, 3.0], [1.0, 9.9]]), np.array([[2.0, 4.0], [1.0, 10.0]]))
     array([0., 1.])
     """
-    return np.asarray(psnr(p, g) > ACCURATE, dtype=np.float64)
+    return (psnr(p, g) > ACCURATE).astype(np.float64)
 
 
+@_of_rows
 def l1_norm(p: Array, g: Array) -> Array:
     r"""Return :math:`\sum_i |p_i - g_i|`.
 
@@ -110,10 +132,10 @@ def l1_norm(p: Array, g: Array) -> Array:
     >>> l1_norm(np.array([[1.0, 8.0]]), np.array([[4.0, 4.0]]))
     array([7.])
     """
-    with np.errstate(invalid="ignore", over="ignore"):
-        return np.asarray(np.abs(p - g).sum(axis=1))
+    return np.asarray(np.abs(p - g).sum(axis=1))
 
 
+@_of_rows
 def l2_norm(p: Array, g: Array) -> Array:
     r"""Return :math:`\sqrt{\sum_i (p_i - g_i)^2}`.
 
@@ -124,8 +146,7 @@ def l2_norm(p: Array, g: Array) -> Array:
     >>> l2_norm(np.array([[1.0, 8.0]]), np.array([[4.0, 4.0]]))
     array([5.])
     """
-    with np.errstate(invalid="ignore", over="ignore"):
-        return np.asarray(np.linalg.norm(p - g, axis=1))
+    return np.asarray(np.linalg.norm(p - g, axis=1))
 
 
 @dataclass(frozen=True, slots=True)

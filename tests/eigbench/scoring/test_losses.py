@@ -34,6 +34,13 @@ def test_loss_equals_the_mean_of_the_metric(loss, sign):
     assert value.item() == pytest.approx(METRICS[loss](sign * p, g).mean(), rel=1e-12, abs=1e-12)
 
 
+def test_a_loss_broadcasts_nothing(loss):
+    p, g = map(torch.tensor, batch())
+    for given, label in ((p, g[:1]), (p, g[0]), (p[0], g[0]), (p[:, :1], g)):
+        with pytest.raises(ValueError, match=r"must both have shape \(B, k\), got \("):
+            loss(given, label)
+
+
 def test_loss_of_the_label_is_zero(loss):
     _, g = batch()
     assert loss(torch.tensor(g), torch.tensor(g)).item() == pytest.approx(0, abs=1e-12)

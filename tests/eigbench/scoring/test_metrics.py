@@ -208,6 +208,22 @@ def takes_an_empty_batch(metric, p, g):
     assert metric.function(p[:0], g[:0]).shape == (0,)
 
 
+def takes_lists_single_precision_and_tensors(metric, p, g):
+    torch = pytest.importorskip("torch")
+    tensor = torch.tensor(p, requires_grad=True)
+    for predicted, label in ((p.tolist(), g.tolist()), (tensor, torch.tensor(g))):
+        np.testing.assert_array_equal(metric.function(predicted, label), metric.function(p, g))
+    p, g = p.astype(np.float32), g.astype(np.float32)
+    expected = metric.function(p.astype(np.float64), g.astype(np.float64))
+    np.testing.assert_array_equal(metric.function(p, g), expected)
+
+
+def broadcasts_nothing(metric, p, g):
+    for predicted, label in ((p, g[:1]), (p, g[0]), (p[0], g[0]), (p[:, :1], g), (p[:, :5], g)):
+        with pytest.raises(ValueError, match=r"must both have shape \(B, k\), got \("):
+            metric.function(predicted, label)
+
+
 def says_what_it_is(metric, p, g):
     assert METRICS[metric.key] is metric
     assert metric.title
@@ -223,6 +239,8 @@ CONTRACT = (
     improves_in_the_direction_it_declares,
     does_not_depend_on_the_order_of_the_indices,
     takes_an_empty_batch,
+    takes_lists_single_precision_and_tensors,
+    broadcasts_nothing,
     says_what_it_is,
 )
 
