@@ -23,6 +23,7 @@ from synthnet.errors import needed_by
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.spectrum import bending, curved, delaunay, fem
 from synthnet.spectrum.fem import Matrices
+from synthnet.spectrum.inputs import as_mesh
 from synthnet.types import Mesh
 
 BOUNDARIES = ("neumann", "dirichlet")
@@ -179,27 +180,28 @@ class Discrete(NamedTuple):
         return values
 
 
-def discretise(mesh: Mesh, operator: Operator = PLAIN) -> Discrete:
+def discretise(mesh: Any, operator: Operator = PLAIN) -> Discrete:
     """Return an operator of a mesh as matrices, without a warning of a mesh that is no surface.
 
     Parameters
     ----------
-    mesh : Mesh
-        Of n vertices, taken as float64.
+    mesh : Mesh or other
+        As of :func:`synthnet.spectrum.compute`, of n vertices.
     operator : Operator
         Which.
 
     Raises
     ------
     ValueError
-        If the operator is no :class:`Operator`; if there are no triangles, a coordinate is not
-        finite, the size has no square in float64, a triangle has no area (but under the tufted
-        cover), or a vertex no triangle; if an edge of more than two faces has no intrinsic
-        triangulation; if a mask does not fit, everything is held, or a closed mesh is to be held at
-        its boundary.
+        If it is no mesh, or the operator no :class:`Operator`; if there are no triangles, a
+        coordinate is not finite, the size has no square in float64, a triangle has no area (but
+        under the tufted cover), or a vertex no triangle; if an edge of more than two faces has no
+        intrinsic triangulation; if a mask does not fit, everything is held, or a closed mesh is to
+        be held at its boundary.
     MissingPackageError
         If the tufted cover is asked for and robust_laplacian is not installed.
     """
+    mesh = as_mesh(mesh)
     check_operator(operator)
     fem.check_used(mesh)
     n = len(mesh.vertices)
@@ -239,7 +241,7 @@ def _assembled(mesh: Mesh, operator: Operator) -> tuple[Matrices, float]:
     return matrices, thinnest / (curved.FLATTEST if bent else 1.0)
 
 
-def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
+def fem_matrices(mesh: Any) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
     r"""Assemble stiffness and consistent mass of linear finite elements.
 
     .. math::
@@ -253,8 +255,8 @@ def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
 
     Parameters
     ----------
-    mesh : Mesh
-        Its vertices are taken as float64.
+    mesh : Mesh or other
+        As of :func:`synthnet.spectrum.compute`, of n vertices.
 
     Returns
     -------
@@ -264,8 +266,8 @@ def fem_matrices(mesh: Mesh) -> tuple[sparse.csc_matrix, sparse.csc_matrix]:
     Raises
     ------
     ValueError
-        If there are no triangles, a coordinate is not finite, the size has no square in float64, a
-        triangle has no area, or a vertex no triangle.
+        If it is no mesh, there are no triangles, a coordinate is not finite, the size has no square
+        in float64, a triangle has no area, or a vertex no triangle.
 
     References
     ----------

@@ -73,6 +73,8 @@ def test_meshes_of_other_libraries_give_the_same_numbers(make):
     np.testing.assert_array_equal(converted.faces, F)
     np.testing.assert_array_equal(compute(mesh, 5).eigenvalues, compute(SPHERE, 5).eigenvalues)
     assert count_below(mesh, 3.0) == count_below(SPHERE, 3.0)
+    for matrix, expected in zip(fem_matrices(mesh), fem_matrices(SPHERE), strict=True):
+        assert (matrix != expected).nnz == 0
 
 
 @pytest.mark.parametrize(
@@ -99,7 +101,8 @@ def test_meshes_of_other_libraries_give_the_same_numbers(make):
     ],
 )
 def test_what_is_no_mesh_is_one_line(mesh, message):
-    for judge in (lambda: compute(mesh, 5), lambda: certify(mesh, [1.0])):
+    judges = (lambda: compute(mesh, 5), lambda: certify(mesh, [1.0]), lambda: fem_matrices(mesh))
+    for judge in judges:
         with pytest.raises(ValueError, match=message) as caught:
             judge()
         assert "\n" not in str(caught.value)
