@@ -18,7 +18,7 @@ from synthnet import recipe, store
 from synthnet.arrays import Booleans
 from synthnet.build.limits import add_missing
 from synthnet.build.versions import ensure_built
-from synthnet.errors import DamagedError, RecipeError, StoreError, needed_by
+from synthnet.errors import DamagedError, RecipeError, StoreError, needed_by, suggestion
 from synthnet.loaders import mapped
 from synthnet.loaders.fingerprint import fingerprint
 from synthnet.loaders.mapped import MappedShapes
@@ -83,7 +83,8 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
     Raises
     ------
     ValueError
-        If an option is unknown, or ``pre_transform`` is used with ``augment="random"``.
+        If an option is unknown, ``pre_transform`` is used with ``augment="random"``, or the
+        directory has the name of a version, or nearly.
     RecipeError
         If the version is unknown, or has no such protocol.
     BuildError
@@ -127,11 +128,8 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
             if type(value) not in (bool, str) or value not in known:
                 choices = ", ".join(map(str, known))
                 raise ValueError(f"{name} must be one of {choices}, got {value!r}")
-        if root is not None and str(root) in recipe.available():
-            raise ValueError(
-                f"the first argument is the directory, not the version: "
-                f"SynthNet(version={str(root)!r})"
-            )
+        if root is not None:
+            _check_no_version(str(root))
         if pre_transform is not None and augment == "random":
             raise ValueError(
                 "pre_transform is applied once and augment='random' afresh at every access: "
@@ -312,6 +310,17 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
         self.__dict__.update(state)
         if was_mapped:
             self._open()
+
+
+def _check_no_version(root: str) -> None:
+    """Check that a directory has no version's name, nor nearly one if it is not there yet."""
+    known = recipe.available()
+    meant = "" if os.sep in root or Path(root).exists() else suggestion(root, known)
+    if root in known or meant:
+        raise ValueError(
+            f"the first argument is the directory, not the version: SynthNet(version={root!r})"
+            + ("" if root in known else meant)
+        )
 
 
 def surface_spectra(dataset: StoredDataset) -> NDArray[np.float32]:

@@ -457,9 +457,15 @@ def test_a_copy_of_a_random_dataset_stays_random(open_split):
     assert not torch.allclose(copied[0].pos, copied[0].pos)
 
 
-def test_the_version_in_the_place_of_the_directory_is_pointed_out():
+def test_the_version_in_the_place_of_the_directory_is_pointed_out(tmp_path, monkeypatch):
     with pytest.raises(ValueError, match=r"the directory, not the version: SynthNet\(version='1.0"):
         SynthNet(MINI)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match=r"version='1\.0-mni'\); did you mean 1\.0-mini\?"):
+        SynthNet("1.0-mni")
+    (tmp_path / "1.0-mni").mkdir()
+    with pytest.raises(RecipeError, match="unknown version 'none'"):  # it is a directory's name
+        SynthNet("1.0-mni", version="none")
 
 
 def test_repr_names_the_dataset(open_split):
