@@ -1,6 +1,6 @@
-"""Names of the types of arrays."""
+"""Names of the types of arrays, and arrays of what others give."""
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,3 +9,34 @@ Floats: TypeAlias = NDArray[np.float64]
 Int32s: TypeAlias = NDArray[np.int32]  # as kernels take sparse matrices and meshes
 Int64s: TypeAlias = NDArray[np.int64]
 Booleans: TypeAlias = NDArray[np.bool_]
+
+
+def as_array(values: Any) -> NDArray[Any]:
+    """Return an array, list or tensor as an array of NumPy.
+
+    A tensor of PyTorch is fetched from its device and its graph.
+
+    Raises
+    ------
+    ValueError
+        If rows differ in length, something is masked, or NumPy has no such dtype or layout.
+
+    Examples
+    --------
+    >>> as_array([[1, 2], [3, 4]]).shape
+    (2, 2)
+    """
+    if np.ma.is_masked(values):
+        raise ValueError("a masked array: fill what is masked, with NaN if need be")
+    tensor = hasattr(values, "detach")
+    try:
+        return np.asarray(values.detach().cpu() if tensor else values)
+    except (TypeError, ValueError) as error:
+        if tensor:
+            raise ValueError(
+                f"a tensor of {values.dtype} and layout {values.layout} is no array of NumPy: give "
+                "a dense one of float32 or float64"
+            ) from error
+        if isinstance(error, TypeError):
+            raise
+        raise ValueError("rows of different length are no array") from error

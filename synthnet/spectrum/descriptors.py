@@ -7,9 +7,8 @@ r"""Descriptors of shapes and of points, by their published formulas, from a spe
 import numpy as np
 from numpy.typing import ArrayLike
 
-from synthnet.arrays import Floats
+from synthnet.arrays import Floats, as_array
 from synthnet.errors import suggestion
-from synthnet.spectrum.inputs import as_array
 from synthnet.types import Spectrum
 
 NORMALISATIONS = ("none", "area", "volume", "first")

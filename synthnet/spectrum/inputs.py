@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from synthnet.arrays import as_array
 from synthnet.errors import counted
 from synthnet.mesh.repair import Repaired, Rules, repair
 from synthnet.types import Mesh
@@ -154,24 +155,3 @@ def _arrays(given: Any) -> tuple[NDArray[Any], NDArray[Any]]:
     kind = type(given)
     name = kind.__name__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__name__}"
     raise ValueError(f"this is {name}, no mesh: give {TAKEN}{hint}")
-
-
-def as_array(values: Any) -> NDArray[Any]:
-    """Return an array of NumPy."""
-    if hasattr(values, "detach"):
-        return _of_tensor(values)
-    try:
-        return np.asarray(values)
-    except ValueError as error:
-        raise ValueError("rows of different length are no array") from error
-
-
-def _of_tensor(tensor: Any) -> NDArray[Any]:
-    """Return the values of a tensor of PyTorch, fetched from its device and its graph."""
-    try:
-        return np.asarray(tensor.detach().cpu())
-    except TypeError as error:  # NumPy has no such dtype or layout
-        raise ValueError(
-            f"a tensor of {tensor.dtype} and layout {tensor.layout} is no array of NumPy: give a "
-            "dense one of float32 or float64"
-        ) from error

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from synthnet.arrays import Floats, Int64s
+from synthnet.arrays import Floats, Int64s, as_array
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
 from synthnet.spectrum.components import Component, components, count_and_shift_error, split
 from synthnet.spectrum.fem import Matrices
-from synthnet.spectrum.inputs import as_array, as_mesh, repaired
+from synthnet.spectrum.inputs import as_mesh, repaired
 from synthnet.spectrum.operators import PLAIN, Discrete, Operator, check_operator, discretise
 from synthnet.spectrum.sheets import warn_of_sheets
 from synthnet.spectrum.solve import unwarned

@@ -97,6 +97,7 @@ def test_meshes_of_other_libraries_give_the_same_numbers(make):
         ((V + 0j, F), "vertices must be real numbers"),
         ((V, F + 0.5), "faces"),
         (([[1.0], [1.0, 2.0]], F), "rows of different length"),
+        ((np.ma.masked_less(V, 0), F), "a masked array: fill what is masked"),
         ((0 * V + 7, F), "all vertices are at the same position, so that no triangle has an area"),
     ],
 )

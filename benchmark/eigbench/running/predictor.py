@@ -41,6 +41,7 @@ from eigbench.errors import PredictorError
 from eigbench.scoring import metrics
 from eigbench.scoring.names import TARGETS, nameless
 from eigbench.scoring.training import DEFAULT
+from synthnet import arrays
 from synthnet.errors import install, missing, suggestion
 from synthnet.types import Mesh
 
@@ -235,16 +236,10 @@ def as_array(answer: Any) -> NDArray[Any]:
     PredictorError
         If it is no array.
     """
-    if np.ma.is_masked(answer):
-        raise PredictorError(
-            "the answer is a masked array: fill what is masked, with NaN if need be"
-        )
     try:
-        array = np.asarray(answer.detach().cpu() if hasattr(answer, "detach") else answer)
-    except (ValueError, TypeError) as error:
-        unknown = "ScalarType" in str(error)  # of PyTorch, as bfloat16
-        hint = ": NumPy has no such dtype, .float() makes it one" if unknown else ""
-        raise PredictorError(f"the answer is no array: {described(error)}{hint}") from error
+        array = arrays.as_array(answer)
+    except (TypeError, ValueError) as error:
+        raise PredictorError(f"the answer cannot be taken: {described(error)}") from error
     if array.dtype.hasobject and array.ndim == 0:
         if answer is None:
             raise PredictorError("predict returned None: end it with `return`, and the eigenvalues")

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.spectrum.inputs import as_array
+from synthnet.arrays import as_array
 
 Array = NDArray[np.float64]
 

@@ -341,8 +341,8 @@ def test_answer_that_needs_gradients_is_taken():
         (None, "predict returned None"),
         ((i for i in range(4)), "predict returned a generator, it must return an array"),
         ({"a": 1}, "predict returned a dict, it must"),
-        (np.ma.masked_greater(np.arange(1.0, 41).reshape(4, 10), 3), "is a masked array: fill"),
-        ([[1.0], [1.0, 2.0]], "is no array: ValueError"),
+        (np.ma.masked_greater(np.arange(1.0, 41).reshape(4, 10), 3), "a masked array: fill"),
+        ([[1.0], [1.0, 2.0]], "cannot be taken: ValueError: rows of different length"),
     ],
 )
 def test_answer_that_is_no_batch_of_spectra_is_refused(answer, message):
@@ -353,9 +353,9 @@ def test_answer_that_is_no_batch_of_spectra_is_refused(answer, message):
 
 def test_a_tensor_that_numpy_has_no_dtype_for_has_a_remedy():
     torch = pytest.importorskip("torch")
-    with pytest.raises(PredictorError, match=r"BFloat16: NumPy has no such dtype, \.float"):
+    with pytest.raises(PredictorError, match=r"bfloat16 .* is no array of NumPy: give a dense"):
         predictor.as_array(torch.ones((4, 10), dtype=torch.bfloat16))
-    with pytest.raises(PredictorError, match=r"to_dense\(\) first\.$"):
+    with pytest.raises(PredictorError, match=r"layout torch\.sparse_coo is no array of"):
         predictor.as_array(torch.ones((4, 10)).to_sparse())
 
 
