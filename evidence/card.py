@@ -66,7 +66,8 @@ def takes(*builds: dict) -> str:
         timed = f"{minutes} on two cores and " if (minutes := _minutes(build)) else ""
         sentences.append(
             f"{build['version']} takes {timed}{build['bytes'] / 1e9:.1f} GB, and "
-            f"{unpacked_gb(build):.1f} GB more once PyTorch Geometric has unpacked it."
+            f"{unpacked_gb(build):.1f} GB more once PyTorch Geometric has unpacked it"
+            f"{'' if timed else '; its build was not timed'}."
         )
     return " ".join(sentences)
 

@@ -31,16 +31,37 @@ def claim(measured: dict) -> str:
 
 
 def short(measured: dict) -> str:
-    """Return the same without the paper's words and without large batches."""
+    """Return the answer first, and then the same without the paper's words and large batches."""
     _, speed, error, _ = _sentences(measured)
-    return f"{speed} {error}"
+    costs = _costs()
+    network = costs[nearest(errors_on_board())]
+    return f"{answer(network['reference'], costs[CERTIFIED]['reference'])} {speed} {error}"
+
+
+def answer(network: Mapping[str, Any], certified: Mapping[str, Any]) -> str:
+    """Return in words whether a network is faster than LaPy, and than the certified solver.
+
+    Parameters
+    ----------
+    network, certified
+        LaPy's time over theirs: ``ratio``, and the ends of its interval, ``low`` and ``high``.
+    """
+    than_lapy = "yes" if network["low"] > 1 else "no" if network["high"] < 1 else "about as fast"
+    if network["low"] > certified["high"]:
+        beside = "slower"
+    else:
+        beside = "faster" if network["high"] < certified["low"] else "about as fast"
+    return f"Than LaPy: {than_lapy}; the certified solver is {beside}."
+
+
+def _costs() -> dict[str, dict[str, Any]]:
+    return {row["name"]: row["cost"] for row in timing.read(ROOT)[VERSION]}
 
 
 def _sentences(measured: dict) -> list[str]:
     paper = json.loads(PAPER.read_text())
     (figure,) = (table for table in paper["tables"] if table["title"] == FIGURE_2)
-    costs = {row["name"]: row["cost"] for row in timing.read(ROOT)[VERSION]}
-    return sentences(figure["rows"], errors_on_board(), costs, measured["figure2"])
+    return sentences(figure["rows"], errors_on_board(), _costs(), measured["figure2"])
 
 
 def errors_on_board() -> dict[str, float]:
@@ -85,13 +106,13 @@ def sentences(
     return [
         f"The paper reports {theirs['GCN, a batch of 200 meshes']} s for 200 meshes by its network "
         f"and {theirs['LaPy, one mesh']} s for one by LaPy, each on a CPU.",
-        f"Here, on one thread of one machine, with {cost['batch_size']} meshes of {VERSION} a "
-        f"call, a network of the paper's kind is {times_faster(cost['reference'])} as fast "
+        f"Here, on one thread of one machine, in batches of {cost['batch_size']} meshes of "
+        f"{VERSION}, a network of the paper's kind is {times_faster(cost['reference'])} as fast "
         f"as LaPy and {times_faster(cost['peers'][AT_ITS_BEST])} as fast as {AT_ITS_BEST}; the "
         f"certified solver is {times_faster(costs[CERTIFIED]['reference'])} as fast as LaPy.",
         f"The network's mean RPD to the surface is {number(errors[name])}, that of the solvers "
         f"{' and '.join(solvers)}.",
-        f"With 200 meshes a call, measured on another processor and other meshes, network and "
+        f"In batches of 200 meshes, measured on another processor and other meshes, network and "
         f"certified solver are {network} × and {certified} × as fast as LaPy. The network is "
         f"*{name}*.",
     ]

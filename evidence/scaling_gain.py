@@ -12,13 +12,56 @@ from eigbench.scoring.training import untrained
 
 from evidence import ROOT, markdown
 
+NOWHERE = "at no size"
 HEADERS = ["vertices", "row", "error to the surface", "ms", "the solver's ms", "times as long"]
 
 
 def table() -> str:
     """Return the table, of the machine that most rows of the board were run on."""
+    return markdown.table(HEADERS, lines(_rows()), "rlrrrr")
+
+
+def answer() -> str:
+    """Return up to which size rows win on most surfaces, of the same machine."""
+    return sentence(_rows())
+
+
+def sentence(rows: Sequence[Scaled]) -> str:
+    """Return up to which size trained and other rows win on more than half of the surfaces."""
+    sizes = scores.sizes(rows)
+    untrained_to, trained_to = (
+        _reach([size for size in sizes if _winners(rows, size, without)], sizes)
+        for without in (True, False)
+    )
+    if untrained_to == trained_to == NOWHERE:
+        does = "no row does so on most of the surfaces"
+    elif untrained_to == trained_to:
+        beyond = "; beyond, none does" if trained_to.startswith("up") else ""
+        does = f"{trained_to}, rows with and without training do so on most of the surfaces{beyond}"
+    else:
+        does = (
+            f"{untrained_to}, rows without training do so on most of the surfaces, and "
+            f"{trained_to}, trained ones do"
+        )
+    return f"{does[0].upper()}{does[1:]}."
+
+
+def _reach(won: Sequence[int], sizes: Sequence[int]) -> str:
+    if not won:
+        return NOWHERE
+    return "at every size" if max(won) == max(sizes) else f"up to {max(won):,} vertices"
+
+
+def _rows() -> Sequence[Scaled]:
     settings = scores.settings(results.read_board(ROOT))
-    return markdown.table(HEADERS, lines(max(settings.values(), key=len)), "rlrrrr")
+    return max(settings.values(), key=len)
+
+
+def _winners(rows: Sequence[Scaled], size: int, without: bool) -> list[Scaled]:
+    """Return the rows, trained or not, that win on more than half of the surfaces."""
+    wins = scores.verdict(rows, size).wins
+    winners = [r for r in rows if wins.get(r.slug, 0) > len(surfaces.SURFACES) / 2]
+    return [r for r in winners if untrained(r.result["model"]) == without]
 
 
 def lines(rows: Sequence[Scaled]) -> list[list[str]]:
@@ -30,11 +73,9 @@ def lines(rows: Sequence[Scaled]) -> list[list[str]]:
     exact = scores.exact_seconds(rows)
     found = []
     for size in scores.sizes(rows):
-        wins = scores.verdict(rows, size).wins
-        winners = [r for r in rows if wins.get(r.slug, 0) > len(surfaces.SURFACES) / 2]
         for without in (True, False):
-            some = [r for r in winners if untrained(r.result["model"]) == without]
-            gains = [(scores.equal(row, size, exact), row) for row in some]
+            winners = _winners(rows, size, without)
+            gains = [(scores.equal(row, size, exact), row) for row in winners]
             found += [
                 _cells(row, size, equal)
                 for equal, row in sorted(gains, key=lambda of: -of[0].gain.value)[:1]

@@ -1,10 +1,11 @@
 """The sentences that answer whether a network is faster than finite elements."""
 
+import pytest
 from eigbench import results
 
 from evidence import ROOT
 from evidence.gcn import NEAREST
-from evidence.paper_speed import errors_on_board, nearest, sentences
+from evidence.paper_speed import answer, errors_on_board, nearest, sentences
 
 REPORTED = [
     ["GCN, a batch of 200 meshes", "NVIDIA A100", "0.11"],
@@ -33,7 +34,7 @@ COSTS = {"GCN far": cost(9, 9), "GCN near": cost(2, 1), "synthNet, certified": c
 def test_the_nearest_network_is_set_beside_the_solvers():
     paper, speed, error, batches = sentences(REPORTED, ERRORS, COSTS, BATCHES)
     assert "1.0 s for 200 meshes by its network and 2.5 s for one by LaPy" in paper
-    assert "with 3 meshes of 1.0 a call, a network of" in speed
+    assert "in batches of 3 meshes of 1.0, a network of" in speed
     assert "is 2 × (1.8–2.2) as fast as LaPy and 1 × (0.9–1.1) as fast as LaPy with" in speed
     assert speed.endswith("; the certified solver is 3 × (2.7–3.3) as fast as LaPy.")
     assert error.endswith("RPD to the surface is 0.3100, that of the solvers 0.2800.")
@@ -48,6 +49,20 @@ def test_the_network_that_is_timed_in_batches_is_the_nearest_on_the_board():
     name = nearest(errors_on_board())
     (code,) = (model["code"] for model in models if model["name"] == name)
     assert code == f"reproduction.py:{NEAREST.replace('-', '_')}"
+
+
+@pytest.mark.parametrize(
+    ("network", "expected"),
+    [
+        ((2.0, 2.5), "Than LaPy: yes; the certified solver is about as fast."),
+        ((3.0, 3.5), "Than LaPy: yes; the certified solver is slower."),
+        ((0.9, 1.1), "Than LaPy: about as fast; the certified solver is faster."),
+        ((0.5, 0.7), "Than LaPy: no; the certified solver is faster."),
+    ],
+)
+def test_the_answer_follows_from_the_intervals(network, expected):
+    low, high = network
+    assert answer({"low": low, "high": high}, {"low": 2.4, "high": 2.6}) == expected
 
 
 def test_solvers_that_differ_each_have_their_error():
