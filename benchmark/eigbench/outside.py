@@ -176,7 +176,7 @@ def parsed(content: bytes) -> Any:
     {'a': [1, 2.5]}
     >>> parsed(b'{"a": 1, "a": 2}')
     Traceback (most recent call last):
-    synthnet.errors.OutsideError: the key 'a' is there twice
+    eigbench.errors.OutsideError: the key 'a' is there twice
     """
     # Before anything is made of them: a value is the first in brackets, or follows a comma
     if sum(map(content.count, (b",", b"[", b"{"))) > VALUES:
