@@ -99,7 +99,7 @@ def accurate_table() -> str:
     for code in ("ritz_mlp", "weyl"):
         name = real[f"{code}.py"]["model"]["name"]
         shares = _errors(familiar[name], held_out[name], "psnr20")
-        rows.append([name, *(_cell(share, ".1%") for share in shares)])
+        rows.append([name, *(_cell(share, ".2%") for share in shares)])
     return markdown.table(["row, PSNR>20 against the mesh", *_titles(held_out[name])], rows, "lr")
 
 

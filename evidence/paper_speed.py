@@ -46,12 +46,15 @@ def answer(network: Mapping[str, Any], certified: Mapping[str, Any]) -> str:
     network, certified
         LaPy's time over theirs: ``ratio``, and the ends of its interval, ``low`` and ``high``.
     """
-    than_lapy = "yes" if network["low"] > 1 else "no" if network["high"] < 1 else "about as fast"
-    if network["low"] > certified["high"]:
-        beside = "slower"
+    if network["low"] > 1:
+        than_lapy = "It is faster than LaPy"
     else:
-        beside = "faster" if network["high"] < certified["low"] else "about as fast"
-    return f"Than LaPy: {than_lapy}; the certified solver is {beside}."
+        than_lapy = f"It is {'slower than' if network['high'] < 1 else 'about as fast as'} LaPy"
+    if network["low"] > certified["high"]:
+        beside = "faster than"
+    else:
+        beside = "slower than" if network["high"] < certified["low"] else "about as fast as"
+    return f"{than_lapy}, and {beside} our certified solver."
 
 
 def _costs() -> dict[str, dict[str, Any]]:

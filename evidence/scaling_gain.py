@@ -12,7 +12,6 @@ from eigbench.scoring.training import untrained
 
 from evidence import ROOT, markdown
 
-NOWHERE = "at no size"
 HEADERS = ["vertices", "row", "error to the surface", "ms", "the solver's ms", "times as long"]
 
 
@@ -27,29 +26,25 @@ def answer() -> str:
 
 
 def sentence(rows: Sequence[Scaled]) -> str:
-    """Return up to which size trained and other rows win on more than half of the surfaces."""
+    """Return at which sizes trained and other rows win on more than half of the surfaces."""
     sizes = scores.sizes(rows)
-    untrained_to, trained_to = (
-        _reach([size for size in sizes if _winners(rows, size, without)], sizes)
-        for without in (True, False)
-    )
-    if untrained_to == trained_to == NOWHERE:
-        does = "no row does so on most of the surfaces"
-    elif untrained_to == trained_to:
-        beyond = "; beyond, none does" if trained_to.startswith("up") else ""
-        does = f"{trained_to}, rows with and without training do so on most of the surfaces{beyond}"
-    else:
-        does = (
-            f"{untrained_to}, rows without training do so on most of the surfaces, and "
-            f"{trained_to}, trained ones do"
-        )
-    return f"{does[0].upper()}{does[1:]}."
+    won = {
+        kind: [size for size in sizes if _winners(rows, size, kind == "untrained")]
+        for kind in ("untrained", "trained")
+    }
+    if won["untrained"] == won["trained"]:
+        won = {"untrained and trained": won["trained"]}
+    parts = [f"{kind} rows do so {_at(some, sizes)}" for kind, some in won.items()]
+    return f"on most of the surfaces, {', '.join(parts)}."
 
 
-def _reach(won: Sequence[int], sizes: Sequence[int]) -> str:
-    if not won:
-        return NOWHERE
-    return "at every size" if max(won) == max(sizes) else f"up to {max(won):,} vertices"
+def _at(some: Sequence[int], sizes: Sequence[int]) -> str:
+    if not some:
+        return "at no size"
+    if len(some) == len(sizes):
+        return "at every size"
+    *first, last = [f"{size:,}" for size in some]
+    return f"at {', '.join(first)} and {last} vertices" if first else f"at {last} vertices"
 
 
 def _rows() -> Sequence[Scaled]:

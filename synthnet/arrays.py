@@ -19,7 +19,8 @@ def as_array(values: Any) -> NDArray[Any]:
     Raises
     ------
     ValueError
-        If rows differ in length, something is masked, or NumPy has no such dtype or layout.
+        If rows differ in length, something is masked, or it is otherwise no array of NumPy, as a
+        tensor of bfloat16 or a sparse one.
 
     Examples
     --------
@@ -28,15 +29,15 @@ def as_array(values: Any) -> NDArray[Any]:
     """
     if np.ma.is_masked(values):
         raise ValueError("a masked array: fill what is masked, with NaN if need be")
-    tensor = hasattr(values, "detach")
+    tensor = hasattr(values, "detach") and hasattr(values, "layout")  # a stream detaches, too
     try:
         return np.asarray(values.detach().cpu() if tensor else values)
     except (TypeError, ValueError) as error:
+        reason = " ".join(str(error).split())
         if tensor:
-            raise ValueError(
-                f"a tensor of {values.dtype} and layout {values.layout} is no array of NumPy: give "
-                "a dense one of float32 or float64"
-            ) from error
-        if isinstance(error, TypeError):
-            raise
-        raise ValueError("rows of different length are no array") from error
+            reason = f"a tensor of {values.dtype} and layout {values.layout} is no array of NumPy"
+        elif "inhomogeneous" in reason:
+            reason = "rows of different length are no array"
+        if tensor or "ScalarType" in reason:  # of a list of PyTorch's tensors
+            reason += ": give a dense one of float32 or float64"
+        raise ValueError(reason) from error

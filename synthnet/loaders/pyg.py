@@ -6,6 +6,7 @@ import copy
 import hashlib
 import json
 import os
+import re
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -36,6 +37,7 @@ with needed_by("synthnet.pyg"):
 Augment = bool | Literal["random"]
 Transform = Callable[[Data], Data]
 TARGETS = ("mesh", "surface")
+LIKE_A_VERSION = re.compile(r"\d+\.\d+(-\w+)?")
 ALL_TEST = {  # why kinds of dataset may have no shape in a split
     recipe.Kind.IMPORTED: "an import is all split='test', but for `synthnet import --split hash`",
     recipe.Kind.SEALED: "a sealed set is all split='test'",
@@ -129,7 +131,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
                 choices = ", ".join(map(str, known))
                 raise ValueError(f"{name} must be one of {choices}, got {value!r}")
         if root is not None:
-            _check_no_version(str(root))
+            _check_no_version(str(root), alone=version == "1.0")
         if pre_transform is not None and augment == "random":
             raise ValueError(
                 "pre_transform is applied once and augment='random' afresh at every access: "
@@ -312,14 +314,18 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
             self._open()
 
 
-def _check_no_version(root: str) -> None:
-    """Check that a directory has no version's name, nor nearly one if it is not there yet."""
+def _check_no_version(root: str, *, alone: bool) -> None:
+    """Check that a directory has no version's name.
+
+    Where it stands ``alone`` and is not there yet, nor may it look like one.
+    """
     known = recipe.available()
-    meant = "" if os.sep in root or Path(root).exists() else suggestion(root, known)
-    if root in known or meant:
+    looks = alone and LIKE_A_VERSION.fullmatch(root) and not Path(root).exists()
+    if root in known or looks:
         raise ValueError(
             f"the first argument is the directory, not the version: SynthNet(version={root!r})"
-            + ("" if root in known else meant)
+            + ("" if root in known else suggestion(root, known))
+            + f"; a directory of that name is './{root}'"
         )
 
 

@@ -243,7 +243,7 @@ def of_matrices(matrices: Matrices, k: int = 10) -> Spectrum:
     Raises
     ------
     ValueError
-        If k is no integer, or not between 1 and the number of unknowns.
+        If k is no integer, or not between 1 and the number of unknowns less the zeros.
     CertificateError
         If the stronger setting's answer cannot be certified either.
     SpectrumError
@@ -274,7 +274,7 @@ def smallest(matrices: Matrices, k: int) -> tuple[Floats, Floats]:
     Raises
     ------
     ValueError
-        If k is out of range.
+        If k is no integer or out of range.
     CertificateError, SpectrumError
         As in :func:`of_matrices`.
     """

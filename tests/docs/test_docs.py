@@ -213,6 +213,12 @@ def test_make_targets_are_there():
         assert re.search(rf"^{target}:", makefile, flags=re.M), target
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_no_line_begins_with_a_mark_and_goes_on(page):
+    """Markdown takes such a line as HTML: its links and code would be shown as typed."""
+    assert re.findall(r"^<!-- begin [a-z0-9-]+ -->.+$", page.read_text(), flags=re.M) == []
+
+
 def test_links_lead_somewhere():
     links = [
         (page, target)

@@ -54,10 +54,10 @@ def test_the_network_that_is_timed_in_batches_is_the_nearest_on_the_board():
 @pytest.mark.parametrize(
     ("network", "expected"),
     [
-        ((2.0, 2.5), "Than LaPy: yes; the certified solver is about as fast."),
-        ((3.0, 3.5), "Than LaPy: yes; the certified solver is slower."),
-        ((0.9, 1.1), "Than LaPy: about as fast; the certified solver is faster."),
-        ((0.5, 0.7), "Than LaPy: no; the certified solver is faster."),
+        ((2.0, 2.5), "It is faster than LaPy, and about as fast as our certified solver."),
+        ((3.0, 3.5), "It is faster than LaPy, and faster than our certified solver."),
+        ((0.9, 1.1), "It is about as fast as LaPy, and slower than our certified solver."),
+        ((0.5, 0.7), "It is slower than LaPy, and slower than our certified solver."),
     ],
 )
 def test_the_answer_follows_from_the_intervals(network, expected):

@@ -461,11 +461,15 @@ def test_the_version_in_the_place_of_the_directory_is_pointed_out(tmp_path, monk
     with pytest.raises(ValueError, match=r"the directory, not the version: SynthNet\(version='1.0"):
         SynthNet(MINI)
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ValueError, match=r"version='1\.0-mni'\); did you mean 1\.0-mini\?"):
+    with pytest.raises(ValueError, match=r"version='1\.0-mni'\); did you mean 1\.0-mini\?; a dir"):
         SynthNet("1.0-mni")
-    (tmp_path / "1.0-mni").mkdir()
-    with pytest.raises(RecipeError, match="unknown version 'none'"):  # it is a directory's name
-        SynthNet("1.0-mni", version="none")
+    (tmp_path / "3.0").mkdir()
+    for directory in ("./1.0-mni", "mini", "v2.0", "1.0-mni", "3.0"):  # names of directories
+        with pytest.raises(RecipeError, match="unknown version 'none'"):
+            SynthNet(directory, version="none")
+    for directory in ("mini", "3.0"):
+        with pytest.raises(RecipeError, match="protocol of 1"):
+            SynthNet(directory, protocol="none")
 
 
 def test_repr_names_the_dataset(open_split):

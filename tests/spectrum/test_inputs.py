@@ -1,5 +1,6 @@
 """Meshes of other libraries, and bad ones: the same numbers, or one line."""
 
+import io
 import itertools
 import re
 import sys
@@ -98,6 +99,7 @@ def test_meshes_of_other_libraries_give_the_same_numbers(make):
         ((V, F + 0.5), "faces"),
         (([[1.0], [1.0, 2.0]], F), "rows of different length"),
         ((np.ma.masked_less(V, 0), F), "a masked array: fill what is masked"),
+        ((io.BytesIO(), F), "vertices must be real numbers, got object"),
         ((0 * V + 7, F), "all vertices are at the same position, so that no triangle has an area"),
     ],
 )

@@ -37,7 +37,7 @@ def _of_rows(function: Callable[[Array, Array], Array]) -> Callable[[Any, Any], 
 
     @wraps(function)
     def metric(p: Any, g: Any) -> Array:
-        p, g = (as_array(values).astype(np.float64, copy=False) for values in (p, g))
+        p, g = _real(p), _real(g)
         if p.ndim != 2 or p.shape != g.shape:
             raise ValueError(
                 f"predictions and labels must both have shape (B, k), got {p.shape} and {g.shape}"
@@ -45,7 +45,15 @@ def _of_rows(function: Callable[[Array, Array], Array]) -> Callable[[Any, Any], 
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             return function(p, g)
 
+    metric.__annotations__ = {"p": "ArrayLike", "g": "ArrayLike", "return": "Array"}
     return metric
+
+
+def _real(values: Any) -> Array:
+    array = as_array(values)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"predictions and labels must be real numbers, got {array.dtype}")
+    return array.astype(np.float64, copy=False)
 
 
 @_of_rows
@@ -169,7 +177,7 @@ class Metric:
 
     key: str
     title: str
-    function: Callable[[Array, Array], Array]
+    function: Callable[[Any, Any], Array]
     higher_is_better: bool
     unit: str
     decimals: int

@@ -355,6 +355,8 @@ def test_a_tensor_that_numpy_has_no_dtype_for_has_a_remedy():
     torch = pytest.importorskip("torch")
     with pytest.raises(PredictorError, match=r"bfloat16 .* is no array of NumPy: give a dense"):
         predictor.as_array(torch.ones((4, 10), dtype=torch.bfloat16))
+    with pytest.raises(PredictorError, match=r"BFloat16: give a dense one of float32"):
+        predictor.as_array([torch.ones(10, dtype=torch.bfloat16)])
     with pytest.raises(PredictorError, match=r"layout torch\.sparse_coo is no array of"):
         predictor.as_array(torch.ones((4, 10)).to_sparse())
 

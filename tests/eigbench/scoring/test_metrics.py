@@ -218,6 +218,12 @@ def takes_lists_single_precision_and_tensors(metric, p, g):
     np.testing.assert_array_equal(metric.function(p, g), expected)
 
 
+def takes_real_numbers_only(metric, p, g):
+    for given_kind in (p + 5j, p.astype(str), p > 1):
+        with pytest.raises(ValueError, match="must be real numbers, got "):
+            metric.function(given_kind, g)
+
+
 def broadcasts_nothing(metric, p, g):
     for predicted, label in ((p, g[:1]), (p, g[0]), (p[0], g[0]), (p[:, :1], g), (p[:, :5], g)):
         with pytest.raises(ValueError, match=r"must both have shape \(B, k\), got \("):
@@ -240,6 +246,7 @@ CONTRACT = (
     does_not_depend_on_the_order_of_the_indices,
     takes_an_empty_batch,
     takes_lists_single_precision_and_tensors,
+    takes_real_numbers_only,
     broadcasts_nothing,
     says_what_it_is,
 )
