@@ -27,15 +27,15 @@ IN_BATCHES = ("LaPy,", "GCN,", "our certified solver,")  # how they begin in wha
 
 def claim(measured: dict) -> str:
     """Return how fast and how near the best such network is, beside LaPy and the paper's words."""
-    return " ".join(_sentences(measured))
+    return " ".join(_sentences(measured, errors_on_board(), _costs()))
 
 
 def short(measured: dict) -> str:
     """Return the answer first, and then the same without the paper's words and large batches."""
-    _, speed, error, _ = _sentences(measured)
-    costs = _costs()
-    network = costs[nearest(errors_on_board())]
-    return f"{answer(network['reference'], costs[CERTIFIED]['reference'])} {speed} {error}"
+    errors, costs = errors_on_board(), _costs()
+    _, speed, error, _ = _sentences(measured, errors, costs)
+    network = costs[nearest(errors)]["reference"]
+    return f"{answer(network, costs[CERTIFIED]['reference'])} {speed} {error}"
 
 
 def answer(network: Mapping[str, Any], certified: Mapping[str, Any]) -> str:
@@ -46,25 +46,25 @@ def answer(network: Mapping[str, Any], certified: Mapping[str, Any]) -> str:
     network, certified
         LaPy's time over theirs: ``ratio``, and the ends of its interval, ``low`` and ``high``.
     """
-    if network["low"] > 1:
-        than_lapy = "It is faster than LaPy"
-    else:
-        than_lapy = f"It is {'slower than' if network['high'] < 1 else 'about as fast as'} LaPy"
-    if network["low"] > certified["high"]:
-        beside = "faster than"
-    else:
-        beside = "slower than" if network["high"] < certified["low"] else "about as fast as"
-    return f"{than_lapy}, and {beside} our certified solver."
+    than_lapy = _compared(network, {"low": 1, "high": 1})
+    than_certified = _compared(network, certified)
+    return f"It is {than_lapy} LaPy, and {than_certified} our certified solver."
+
+
+def _compared(speed: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+    if speed["low"] > other["high"]:
+        return "faster than"
+    return "slower than" if speed["high"] < other["low"] else "about as fast as"
 
 
 def _costs() -> dict[str, dict[str, Any]]:
     return {row["name"]: row["cost"] for row in timing.read(ROOT)[VERSION]}
 
 
-def _sentences(measured: dict) -> list[str]:
+def _sentences(measured: dict, errors: Mapping[str, float], costs: Mapping[str, Any]) -> list[str]:
     paper = json.loads(PAPER.read_text())
     (figure,) = (table for table in paper["tables"] if table["title"] == FIGURE_2)
-    return sentences(figure["rows"], errors_on_board(), _costs(), measured["figure2"])
+    return sentences(figure["rows"], errors, costs, measured["figure2"])
 
 
 def errors_on_board() -> dict[str, float]:

@@ -21,15 +21,16 @@ def table() -> str:
 
 
 def answer() -> str:
-    """Return up to which size rows win on most surfaces, of the same machine."""
+    """Return at which sizes rows win on most surfaces, of the same machine."""
     return sentence(_rows())
 
 
 def sentence(rows: Sequence[Scaled]) -> str:
     """Return at which sizes trained and other rows win on more than half of the surfaces."""
     sizes = scores.sizes(rows)
+    winners = [_winners(rows, size) for size in sizes]
     won = {
-        kind: [size for size in sizes if _winners(rows, size, kind == "untrained")]
+        kind: [size for size, some in zip(sizes, winners, strict=True) if some[kind]]
         for kind in ("untrained", "trained")
     }
     if won["untrained"] == won["trained"]:
@@ -52,11 +53,14 @@ def _rows() -> Sequence[Scaled]:
     return max(settings.values(), key=len)
 
 
-def _winners(rows: Sequence[Scaled], size: int, without: bool) -> list[Scaled]:
-    """Return the rows, trained or not, that win on more than half of the surfaces."""
+def _winners(rows: Sequence[Scaled], size: int) -> dict[str, list[Scaled]]:
+    """Return the untrained and the trained rows that win on more than half of the surfaces."""
     wins = scores.verdict(rows, size).wins
-    winners = [r for r in rows if wins.get(r.slug, 0) > len(surfaces.SURFACES) / 2]
-    return [r for r in winners if untrained(r.result["model"]) == without]
+    winners: dict[str, list[Scaled]] = {"untrained": [], "trained": []}
+    for row in rows:
+        if wins.get(row.slug, 0) > len(surfaces.SURFACES) / 2:
+            winners["untrained" if untrained(row.result["model"]) else "trained"].append(row)
+    return winners
 
 
 def lines(rows: Sequence[Scaled]) -> list[list[str]]:
@@ -68,8 +72,7 @@ def lines(rows: Sequence[Scaled]) -> list[list[str]]:
     exact = scores.exact_seconds(rows)
     found = []
     for size in scores.sizes(rows):
-        for without in (True, False):
-            winners = _winners(rows, size, without)
+        for winners in _winners(rows, size).values():
             gains = [(scores.equal(row, size, exact), row) for row in winners]
             found += [
                 _cells(row, size, equal)

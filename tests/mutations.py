@@ -53,7 +53,7 @@ MUTATIONS: dict[str, tuple[str, str, str, str]] = {
     "polar-of-label": (METRICS, "/ (length_p + length_g)\n    return", "/ (2 * length_g)\n    return", TEST_METRICS),
     "psnr-of-largest": (METRICS, "np.ptp(g, axis=1) ** 2", "g.max(axis=1) ** 2", TEST_METRICS),
     "psnr20-at-20": (METRICS, "psnr(p, g) > ACCURATE", "psnr(p, g) >= ACCURATE", TEST_METRICS),
-    "metric-broadcasts": (METRICS, " or p.shape != g.shape", "", TEST_METRICS),
+    "metric-broadcasts": (METRICS, " or p != g", "", TEST_METRICS),
     "spread-of-all-seeds": (SCORES, "ddof=1", "ddof=0", TEST_SCORES),
     "share-of-instances": (SCORES, "CERTAIN / drawn.shapes", "CERTAIN / table.shape[1]", TEST_SCORES),
     "bonferroni": (BOOTSTRAP, "(1 - COVERAGE) / (len(p) - left)", "(1 - COVERAGE) / len(p)", TEST_BOOTSTRAP),

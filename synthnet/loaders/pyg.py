@@ -37,6 +37,7 @@ with needed_by("synthnet.pyg"):
 Augment = bool | Literal["random"]
 Transform = Callable[[Data], Data]
 TARGETS = ("mesh", "surface")
+DEFAULT = "1.0"  # the version
 LIKE_A_VERSION = re.compile(r"\d+\.\d+(-\w+)?")
 ALL_TEST = {  # why kinds of dataset may have no shape in a split
     recipe.Kind.IMPORTED: "an import is all split='test', but for `synthnet import --split hash`",
@@ -113,7 +114,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
     def __init__(
         self,
         root: str | os.PathLike[str] | None = None,
-        version: str = "1.0",
+        version: str = DEFAULT,
         split: str = "train",
         protocol: str = "grouped",
         augment: Augment = True,
@@ -131,7 +132,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
                 choices = ", ".join(map(str, known))
                 raise ValueError(f"{name} must be one of {choices}, got {value!r}")
         if root is not None:
-            _check_no_version(str(root), alone=version == "1.0")
+            _check_no_version(str(root), alone=version == DEFAULT)
         if pre_transform is not None and augment == "random":
             raise ValueError(
                 "pre_transform is applied once and augment='random' afresh at every access: "

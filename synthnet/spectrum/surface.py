@@ -163,7 +163,7 @@ def _energies(
     diagonal: Floats,
     r: Floats,
 ) -> Floats:
-    """Return rᵀ (C − θ M)⁻¹ r of each column, from below; r becomes what is left of it.
+    """Return rᵀ (C − θ M)⁻¹ r of each column, from below; r is used up.
 
     A column ends by itself, so that it does not depend on how many there are.
     """

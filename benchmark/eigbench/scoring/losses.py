@@ -7,20 +7,12 @@ such shape: nothing is broadcast.
 
 from __future__ import annotations
 
-from eigbench.scoring.metrics import EPSILON
+from eigbench.scoring.metrics import EPSILON, check_shapes
 from synthnet.errors import needed_by
 
 with needed_by("eigbench.losses"):
     import torch
     from torch import Tensor
-
-
-def _check(p: Tensor, g: Tensor) -> None:
-    if p.ndim != 2 or p.shape != g.shape:
-        raise ValueError(
-            f"predictions and labels must both have shape (B, k), got {(*p.shape,)} and "
-            f"{(*g.shape,)}"
-        )
 
 
 def rpd_loss(p: Tensor, g: Tensor) -> Tensor:
@@ -35,7 +27,7 @@ def rpd_loss(p: Tensor, g: Tensor) -> Tensor:
     >>> rpd_loss(torch.tensor([[1.0, 4.0]]), torch.tensor([[3.0, 4.0]])).item()
     0.5
     """
-    _check(p, g)
+    check_shapes(tuple(p.shape), tuple(g.shape))
     return ((p - g).abs() / (p.abs() + g.abs() + EPSILON)).sum(dim=1).mean()
 
 
@@ -51,7 +43,7 @@ def polar_loss(p: Tensor, g: Tensor) -> Tensor:
     >>> round(polar_loss(torch.tensor([[3.0, 0.0]]), torch.tensor([[0.0, 4.0]])).item(), 4)
     1.7143
     """
-    _check(p, g)
+    check_shapes(tuple(p.shape), tuple(g.shape))
     length_p, length_g = torch.linalg.norm(p, dim=1), torch.linalg.norm(g, dim=1)
     cosine = (p * g).sum(dim=1) / (length_p * length_g)
     apart = torch.linalg.norm(p - g, dim=1) / (length_p + length_g)
@@ -67,5 +59,5 @@ def l1_loss(p: Tensor, g: Tensor) -> Tensor:
     >>> l1_loss(torch.tensor([[1.0, 4.0]]), torch.tensor([[3.0, 4.0]])).item()
     2.0
     """
-    _check(p, g)
+    check_shapes(tuple(p.shape), tuple(g.shape))
     return (p - g).abs().sum(dim=1).mean()

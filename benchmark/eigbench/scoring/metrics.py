@@ -38,15 +38,23 @@ def _of_rows(function: Callable[[Array, Array], Array]) -> Callable[[Any, Any], 
     @wraps(function)
     def metric(p: Any, g: Any) -> Array:
         p, g = _real(p), _real(g)
-        if p.ndim != 2 or p.shape != g.shape:
-            raise ValueError(
-                f"predictions and labels must both have shape (B, k), got {p.shape} and {g.shape}"
-            )
+        check_shapes(p.shape, g.shape)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             return function(p, g)
 
-    metric.__annotations__ = {"p": "ArrayLike", "g": "ArrayLike", "return": "Array"}
     return metric
+
+
+def check_shapes(p: tuple[int, ...], g: tuple[int, ...]) -> None:
+    """Check that predictions and labels have one shape, a row for each mesh.
+
+    Raises
+    ------
+    ValueError
+        If they have not.
+    """
+    if len(p) != 2 or p != g:
+        raise ValueError(f"predictions and labels must both have shape (B, k), got {p} and {g}")
 
 
 def _real(values: Any) -> Array:
