@@ -1,0 +1,56 @@
+"""Curves of trainings as the paper says: a checkpoint is enough, and without one nothing stands."""
+
+import torch
+
+from baselines.gcn import queue, weights
+from evidence import reproduction, training_curves
+
+NAMES = reproduction.TRAINED_BY
+REPORTED = reproduction.RPD_REPORTED
+STEPS, OF = (100, 200, 400, 800), 80_000
+
+
+def checkpoint(path, errors):
+    """Write a checkpoint whose validation RPD is ``errors`` after ``STEPS``."""
+    rows = zip(STEPS, errors, strict=True)
+    log = [
+        {"steps": n, "minutes": n / 100, "loss": e, "validation_rpd": e, "validation_psnr20": 0.25}
+        for n, e in rows
+    ]
+    record = {"steps": STEPS[-1], "of": OF, "minutes": 8.0, "log": log}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    weights.write(path, {"model.a": torch.zeros(1)}, record)
+
+
+def test_a_checkpoint_is_continued_by_its_power_law(tmp_path, monkeypatch):
+    monkeypatch.setattr(queue, "LOADER", tmp_path / "reproduction.py")
+    training_curves.kept.cache_clear()
+    checkpoint(queue.Training("table1-rpd").unfinished(), [9.0, 8.0, 4.0, 2.0])
+    ours = queue.Training("table1-rpd-scale-free").weights()
+    checkpoint(ours, [3.0, 1.9, 1.0, 0.5])
+    try:
+        _, _, *rows = training_curves.table(NAMES, REPORTED).splitlines()
+        cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
+        assert [row[0] for row in cells] == NAMES
+        began = cells[NAMES.index("RPDLoss")]
+        # It halves as the steps double from step 400 on: a hundredth at a hundred times the steps.
+        assert began[1:] == ["800", "1.0%", "8", "2", "25.0%", "200 steps, 2 min", "0.02", "0.3378"]
+        assert [row[1] for row in cells].count("") == len(NAMES) - 1
+        figure = training_curves.as_the_paper_says(NAMES, REPORTED)
+        left, right = figure.axes
+        assert [len(axes.lines) for axes in (left, right)] == [4, 2]
+        assert right.get_legend_handles_labels()[1] == ["RPDLoss"]
+    finally:
+        training_curves.kept.cache_clear()
+
+
+def test_nothing_is_shown_where_no_training_has_begun(tmp_path, monkeypatch):
+    monkeypatch.setattr(queue, "LOADER", tmp_path / "reproduction.py")
+    training_curves.kept.cache_clear()
+    try:
+        assert training_curves.table(NAMES, REPORTED) == ""
+        assert training_curves.as_the_paper_says(NAMES, REPORTED) is None
+        assert training_curves.losses(NAMES) is None
+        assert reproduction.as_printed([]) == []
+    finally:
+        training_curves.kept.cache_clear()
