@@ -11,7 +11,8 @@ NAMES = ("volume", "inertia_1", "inertia_2", "inertia_3", "farthest", "nearest")
 def invariants(mesh: Mesh) -> tuple[float, np.ndarray]:
     """Return the area and the numbers of :data:`NAMES`, each divided by its power of the area.
 
-    The volume is that enclosed; the inertia are the principal second moments of the surface
+    The volume is that enclosed, for an open mesh that of the cone from the origin, which a shift
+    changes; the inertia are the principal second moments of the surface
     about its centroid, ascending; farthest and nearest are the extents: the distances of
     the vertices from the centroid.
     """

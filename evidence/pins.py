@@ -90,19 +90,16 @@ def surfaces_of(version: str, ids: Iterable[str]) -> dict[str, str]:
     surfaces = {}
     for id in ids:
         name, _, index = id.rpartition("-")
-        family = FAMILIES[name]
-        kept = draw_shape(resolved, name, int(index)).parameters
-        surface = dict(kept if family.shared is None else family.shared(kept))
-        # A limit takes all parameters of a family; any triangulation of a surface will do.
-        surfaces[id] = json.dumps([name, {**ANY, **surface} if family.shared else surface])
+        surfaces[id] = FAMILIES[name].surface_key(draw_shape(resolved, name, int(index)).parameters)
     return surfaces
 
 
 def _limit(key: str) -> Limit:
-    name, parameters = json.loads(key)
+    name, surface = json.loads(key)
+    family = FAMILIES[name]
     try:
-        with one_thread:
-            return FAMILIES[name].limit_spectrum(parameters)
+        with one_thread:  # a limit takes all parameters; any triangulation of a surface will do
+            return family.limit_spectrum({**ANY, **surface} if family.shared else surface)
     except SpectrumError as error:
         raise SpectrumError(f"{key}: {error}") from error
 

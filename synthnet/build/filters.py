@@ -2,8 +2,8 @@
 
 A check looks at a mesh or a spectrum and returns what is wrong, or ``None``. The first
 finding rejects the shape; nothing is repaired. To add a check, write it and put it into
-its table; a recipe of an older version then no longer gives the same data, so it belongs
-to a new version.
+its table, with a threshold in :class:`~synthnet.recipe.FilterSettings` that is ``None`` by
+default: where it is, the check finds nothing, so recipes without it give the same data.
 """
 
 from __future__ import annotations

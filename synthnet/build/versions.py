@@ -16,7 +16,7 @@ from synthnet.errors import BuildError, StoreError
 from synthnet.mesh.open3d import load_open3d
 from synthnet.recipe import Recipe
 from synthnet.recipe.plan import ShardPlan, plan_shards
-from synthnet.store import StoredDataset, storage
+from synthnet.store import StoredDataset, pins, storage
 from synthnet.store.limits import DIRECTORY as LIMITS
 from synthnet.store.storage import Location
 from synthnet.types import Manifest, ShardRecord
@@ -172,6 +172,11 @@ def ensure_built(version: str, root: str | os.PathLike[str] | None = None) -> St
     finished = _finished(directory, recipe.load(version), jobs.is_there)
     if finished is not None:
         return finished
+    if os.environ.get(pins.VARIABLE):
+        raise BuildError(
+            f"a predictor in a sandbox has no meshes of {version}, and builds none: train it "
+            "beforehand and load its weights, see docs/submit.md"
+        )
     sys.stderr.write(f"synthNet {version} is not in {directory} yet: building it\n")
     command = [sys.executable, "-m", "synthnet", "build", version]
     command += ["--out", str(store.home(root)), "--wait"]

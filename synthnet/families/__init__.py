@@ -1,8 +1,8 @@
 """The families of shapes, one file each.
 
 To add a family, write its file (:mod:`synthnet.families.family` says what belongs in it), add its
-``FAMILY`` to :data:`CHARTED` below, and name it in a new recipe. The tests run over these
-dictionaries, so they find the family by themselves.
+``FAMILY`` to :data:`CHARTED` below, and name it in a new recipe in synthnet/recipe/versions. The
+tests run over these dictionaries, and draw a family from the newest version that has it.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ PRIMITIVES: dict[str, Family] = {  # 1.0: the paper's, as Open3D makes them
         inverted_cone.FAMILY,
     )
 }
-# 2.0 and 2.1: given by charts, each surface in several triangulations
+# since 2.0: given by charts, each surface in several triangulations
 CHARTED: dict[str, Family] = {
     family.name: family
     for family in (

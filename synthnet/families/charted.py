@@ -93,14 +93,13 @@ def charted(
         From the surface's parameters to another atlas of it, smooth on each patch, where
         ``atlas`` is not.
     """
-    smooth = pieces or atlas
 
     def surface(*, triangulation: str, vertices: int, seed: int, **shape: float) -> Mesh:
-        charts = atlas(**shape)
-        mesh = triangulate(
-            charts, triangulation=triangulation, vertices=vertices, seed=seed, halves=halves
+        smooth = atlas(**shape)
+        in_charts = triangulate(
+            smooth, triangulation=triangulation, vertices=vertices, seed=seed, halves=halves
         )
-        return charts.mesh(mesh)
+        return smooth.mesh(in_charts)
 
     return Family(
         name=name,
@@ -112,7 +111,7 @@ def charted(
         boundaries=boundaries,
         orientable=orientable,
         limit=limit,
-        atlas=lambda **parameters: smooth(**one_shape(parameters)),
+        atlas=lambda **parameters: (pieces or atlas)(**one_shape(parameters)),
         congruent=one_shape,
         shared=one_shape,
     )

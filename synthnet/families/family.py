@@ -1,17 +1,17 @@
 """A family of shapes: its name, its generator, and facts about its surfaces.
 
 A family is a value, made once at the end of its own file. Start from the file of one that is like
-it: ``sphere.py`` for meshes that Open3D or a formula gives, ``annulus.py`` for a surface given by
-charts, which :func:`synthnet.families.charted.charted` triangulates. The file needs
+it, such as ``annulus.py``: a new family is a surface given by charts, which
+:func:`synthnet.families.charted.charted` triangulates. (The families of 1.0 are meshes that Open3D
+or a formula gives.) The file needs
 
-- ``surface``, a pure function of the parameters to a mesh (charted: ``atlas``, to an atlas);
-- ``atlas``, the surface itself in patches that are smooth within, from which its limit comes
-  (charted families have it already, if their creases are borders of patches);
+- ``atlas``, a function of the parameters to the surface in patches that are smooth within: its
+  creases are borders of patches, and its limit comes from there;
 - ``limit``, if the smooth spectrum is known, from :mod:`synthnet.families.limits`;
 - ``FAMILY``, which names them with the parameters' least values and the Euler characteristic.
 
-Then register it in ``synthnet/families/__init__.py``, and give its parameters' distributions in a
-new recipe: a version that is published never changes.
+Then register it in ``CHARTED`` of ``synthnet/families/__init__.py``, and give its parameters'
+distributions in a new recipe: a version that is published never changes.
 """
 
 import hashlib

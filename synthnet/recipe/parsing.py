@@ -95,7 +95,7 @@ def _record(kind: type[Settings], table: str, values: Any) -> Settings:
     for name, value in values.items():
         if types[name] == "int":
             need(type(value) is int, f"{table}: {name} must be an integer, got {value!r}")
-        if types[name] == "float":
+        if types[name] in ("float", "float | None"):
             need(_is_number(value), f"{table}: {name} must be a number, got {value!r}")
         if types[name] == "str":
             need(isinstance(value, str), f"{table}: {name} must be a string, got {value!r}")

@@ -20,7 +20,11 @@ class LabelSettings:
 
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
-    """Thresholds of the checks in :mod:`synthnet.build.filters`."""
+    """Thresholds of the checks in :mod:`synthnet.build.filters`.
+
+    A check that is younger than some recipe has a threshold that is ``None`` by default: that
+    recipe has no such check, and keeps its digest.
+    """
 
     altitude: float
     trivial: float
@@ -198,6 +202,8 @@ class Recipe:
     def to_dict(self) -> dict[str, Any]:
         """Return plain, JSON-ready data, without the settings that are ``None`` and 1.0 lacks."""
         values = asdict(self)
+        filters = values["filters"]
+        values["filters"] = {name: value for name, value in filters.items() if value is not None}
         for name in ("scale", "sealed", "sizes", "protocols"):  # they are younger than 1.0's digest
             if values[name] is None:
                 del values[name]

@@ -18,6 +18,7 @@ from synthnet.mesh import geometry
 from synthnet.recipe import FamilyRecipe, distributions
 from synthnet.recipe.drawing import draw_shape, draw_shapes
 from synthnet.types import ShapeSpec, Topology
+from tests.datasets import home
 
 LEAST = {
     name: {p: least if isinstance(least, int) else 1.0 for p, least in family.least.items()}
@@ -98,7 +99,7 @@ def test_a_mesh_is_a_pure_function_of_its_parameters(family, how):
     if family in PRIMITIVES:
         parameters = parameters_of(family, how)
     else:
-        drawn = draw_shape(recipe.load("2.1"), family, 0).parameters
+        drawn = draw_shape(home(family), family, 0).parameters
         parameters = {**drawn, "triangulation": how, "vertices": 500, "seed": 7}
     before = dict(parameters)
     first, second = (FAMILIES[family].generate(parameters) for _ in range(2))

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from synthnet import recipe
 from synthnet.families import (
     FAMILIES,
     box_union,
@@ -16,6 +15,7 @@ from synthnet.families import (
 from synthnet.families.charted import one_shape
 from synthnet.mesh import geometry
 from synthnet.recipe.drawing import draw_shape
+from tests.datasets import home
 
 FINE = 30_000  # vertices: areas and volumes of curved surfaces are then right to a thousandth
 SURFACES = range(6)
@@ -23,7 +23,7 @@ SURFACES = range(6)
 
 def made(family, surface, **changes):
     """The parameters of a surface without those of its triangulation, and a fine mesh of it."""
-    spec = draw_shape(recipe.load("2.1"), family, 3 * surface)
+    spec = draw_shape(home(family), family, 3 * surface)
     parameters = {**spec.parameters, "triangulation": "irregular", "vertices": FINE, **changes}
     return dict(one_shape(parameters)), FAMILIES[family].generate(parameters)
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from evidence import scikit_fem
-from synthnet import recipe
 from synthnet.errors import SpectrumError
-from synthnet.families import FAMILIES, PRIMITIVES, drum, elements, limits, surface_limits
+from synthnet.families import FAMILIES, drum, elements, limits, surface_limits
 from synthnet.families.atlas import Atlas, lattice, rectangle
 from synthnet.families.polyhedra import flat, polyhedron
 from synthnet.recipe.drawing import draw_shape
+from tests.datasets import home
 
 UNKNOWN = [name for name, family in FAMILIES.items() if family.limit is None]
 KNOWN = [name for name in FAMILIES if name not in UNKNOWN]
@@ -23,7 +23,7 @@ slow = partial(pytest.param, marks=pytest.mark.slow)
 
 def drawn(family, count):
     """Evenly spaced draws of the version that the family is of."""
-    resolved = recipe.load("1.0" if family in PRIMITIVES else "2.1")
+    resolved = home(family)
     total = resolved.families[family].count
     for index in np.linspace(0, total - 1, count).astype(int).tolist():
         yield draw_shape(resolved, family, index).parameters

@@ -8,7 +8,7 @@ import pytest
 
 from synthnet import recipe
 from synthnet.errors import RecipeError
-from synthnet.recipe import AugmentationSettings, Recipe, Subset, distributions
+from synthnet.recipe import AugmentationSettings, Recipe, Subset, distributions, parsing
 from synthnet.recipe.plan import plan_shards
 from synthnet.store import pins
 
@@ -301,6 +301,25 @@ def test_the_digest_changes_with_every_value():
         table[path[-1]] = changed(table[path[-1]])
         digests.add(build(raw).digest)
     assert len(digests) == len(paths) + 3
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Younger(recipe.FilterSettings):
+    """The settings of a later release, with one filter more."""
+
+    valence: "float | None" = None
+
+
+def test_a_filter_that_a_recipe_does_not_name_leaves_its_digest(monkeypatch):
+    older = recipe.parse(TEXT).digest
+    monkeypatch.setattr(parsing, "FilterSettings", Younger)
+    assert recipe.parse(TEXT).filters.valence is None
+    assert recipe.parse(TEXT).digest == older
+    named = TEXT.replace("filters = {", "filters = { valence = 7,")
+    assert recipe.parse(named).filters.valence == 7
+    assert recipe.parse(named).digest != older
+    with pytest.raises(RecipeError, match="filters: valence must be a number, got '7'"):
+        recipe.parse(named.replace("valence = 7", "valence = '7'"))
 
 
 def test_the_digest_does_not_hang_on_the_order_of_keys():

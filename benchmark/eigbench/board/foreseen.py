@@ -9,7 +9,7 @@ from eigbench import results
 from eigbench.board.leaderboard import RESULTS
 from eigbench.errors import EigbenchError, OutsideError
 from eigbench.results.sources import digest
-from eigbench.running.predictor import split
+from eigbench.running.predictor import code_name, split
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
 from synthnet.errors import counted
@@ -37,7 +37,7 @@ def line(root: Path, labels: Truth, code: Path, seeds: int) -> str:
 
 def _is_made_by(code: Path, row: dict[str, Any]) -> bool:
     """Return whether a row was made by a file of this name and code."""
-    if row["model"]["code"] != code.name:
+    if row["model"]["code"] != code_name(code):
         return False
     file = split(code)[0].resolve()
     try:

@@ -89,6 +89,27 @@ def read(
     return rows
 
 
+def rescore(root: Path, on_row: Callable[[str], None] = lambda row: None) -> list[Path]:
+    """Score every result on a board anew from its predictions; return those that have changed.
+
+    For when the metrics have: then no result is read before.
+
+    Raises
+    ------
+    ResultError
+        If one does not fit its predictions.
+    """
+    changed = []
+    for path in sorted((root / RESULTS).glob("*/*.json")):
+        on_row(f"{path.parent.name}/{path.stem}")
+        kept = root / PREDICTIONS / path.parent.name / f"{path.stem}.parquet"
+        result = submission.rescored(path, kept, below=root)
+        if result != results.load(path, below=root):
+            results.write(path, result)
+            changed.append(path)
+    return changed
+
+
 def _rows(root: Path, board: str, on_row: Callable[[str], None]) -> list[Submission]:
     """Read the submissions of a board, or with ``*`` of all, as they are."""
     rows, times = [], timing.read(root)

@@ -21,17 +21,6 @@ from eigbench.scoring.metrics import MAIN, METRICS
 from eigbench.scoring.names import MESH
 from eigbench.scoring.physics import SHARES, TITLES
 
-METRIC_NOTES = {
-    "invlap": "Inverse Laplacian: √ Σ (g/p − 1)² of prediction p and target g. It has no upper "
-    "bound: one prediction that is too small can dominate the mean.",
-    "rpd": "Relative percent difference: Σ |p − g| / (|p| + |g|), from 0 to 10. Ranks go by it.",
-    "polar": "1 − cosine of the angle between the spectra + ‖p − g‖ / (‖p‖ + ‖g‖), from 0 to 3. "
-    "The largest eigenvalues dominate it.",
-    "psnr": "Peak signal-to-noise ratio of a spectrum in dB, infinite for an exact one.",
-    "psnr20": "Share of meshes whose spectrum is predicted with a PSNR above 20 dB.",
-    "l1": "Σ |p − g|. It scales as 1/length²; small shapes dominate it.",
-    "l2": "√ Σ (p − g)². It scales as 1/length²; small shapes dominate it.",
-}
 PHYSICS_NOTES = {
     "scale_2": "A mesh twice as large must have a quarter of the eigenvalues.",
     "scale_half": "A mesh half as large must have four times the eigenvalues.",
@@ -144,7 +133,7 @@ def _of_metric(
 
 def _mean(key: str) -> Column[Ranked]:
     note = (
-        f"{METRIC_NOTES[key]} Mean over instances ± half the 95 % interval over shapes and seeds; "
+        f"{METRICS[key].note} Mean over instances ± half the 95 % interval over shapes and seeds; "
         "in brackets the standard deviation over seeds."
     )
     return _of_metric(
@@ -159,17 +148,17 @@ def _number(key: str, number: str, suffix: str, note: str) -> Column[Ranked]:
 
 def _by_family() -> Column[Ranked]:
     """Return the mean over families of the metric that ranks go by."""
-    note = f"{METRIC_NOTES[RANKED_BY]} Mean over families of their means: all weigh the same."
+    note = f"{METRICS[RANKED_BY].note} Mean over families of their means: all weigh the same."
     column = _number(RANKED_BY, "by_family", "-by-family", note)
     return replace(column, title=f"{column.title}, macro average")
 
 
 def _median(key: str) -> Column[Ranked]:
-    return _number(key, "median", "-median", f"Median over instances. {METRIC_NOTES[key]}")
+    return _number(key, "median", "-median", f"Median over instances. {METRICS[key].note}")
 
 
 def _interval(key: str) -> Column[Ranked]:
-    note = f"95 % percentile-bootstrap interval of the mean over shapes. {METRIC_NOTES[key]}"
+    note = f"95 % percentile-bootstrap interval of the mean over shapes. {METRICS[key].note}"
     return _of_metric(
         key,
         "-interval",
@@ -187,7 +176,7 @@ def _families(rows: Sequence[Ranked], key: str) -> Group[Ranked]:
         return Column(
             f"{key}-{name}",
             tables.family_title(name),
-            f"Mean {metric.title} over the {count} instances of this family. {METRIC_NOTES[key]}",
+            f"Mean {metric.title} over the {count} instances of this family. {METRICS[key].note}",
             lambda row: of_score(row.scores["families"][name][key]["mean"], key),
             higher=metric.higher_is_better,
             lead=count,
@@ -242,7 +231,7 @@ def _verified() -> Group[Ranked]:
         count = said["sealed"]["instances"]
         return f"{count:,}", count
 
-    heading, about = METRICS[RANKED_BY].heading, METRIC_NOTES[RANKED_BY]
+    heading, about = METRICS[RANKED_BY].heading, METRICS[RANKED_BY].note
     same = f"{about} On the same split, by the same code."
     fresh = f"{about} On surfaces that were drawn for this run and removed after it."
     columns = [

@@ -31,7 +31,10 @@ def add_commands(command: Command) -> None:
     text = "generate LEADERBOARD.md from the results on the board; no predictor is run"
     sub = command("leaderboard", regenerate, text, "--check")
     text = "write nothing; exit 1 if a file is not up to date"
-    sub.add_argument("--check", action="store_true", help=text)
+    either = sub.add_mutually_exclusive_group()
+    either.add_argument("--check", action="store_true", help=text)
+    text = "first write the scores of every row anew from its predictions: the metrics have changed"
+    either.add_argument("--rescore", action="store_true", help=text)
     arguments.board(sub)
 
     text = "write every prediction on the boards as tidy tables, beside both targets"
@@ -91,6 +94,8 @@ def regenerate(options: argparse.Namespace) -> int:
     """Generate the leaderboard, or say what of it is not up to date."""
     root = arguments.board_root(options)
     with Console(stderr=True).status("scoring") as status:
+        if options.rescore:
+            leaderboard.rescore(root, lambda row: status.update(f"scoring anew {row}"))
         rows = leaderboard.read(root, lambda row: status.update(f"scoring {row}"))
         scaled = scaling_results.read_board(root)
         reported, readme = leaderboard.read_reported(root), _text(root, leaderboard.README)

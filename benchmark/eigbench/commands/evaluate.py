@@ -18,7 +18,7 @@ from eigbench.errors import EigbenchError
 from eigbench.results import predictions
 from eigbench.running import record
 from eigbench.running.evaluate import Evaluation, Options, alone, predict_meshes
-from eigbench.running.predictor import check_file
+from eigbench.running.predictor import check_file, code_name
 from eigbench.scoring import physics, targets, truth
 from eigbench.scoring.scores import is_sealed
 from eigbench.site.bundle import CHECKOUT
@@ -50,9 +50,9 @@ def add_commands(command: Command) -> None:
 def run_evaluate(options: argparse.Namespace) -> int:
     """Run a predictor over a split, write the result and print its tables."""
     out: Path = options.out
+    arguments.check_out("--out", out, ".json")
     kept: Path = options.predictions or out.with_suffix(".parquet")
-    for name, path, suffix in (("--out", out, ".json"), ("--predictions", kept, ".parquet")):
-        arguments.check_out(name, path, suffix)
+    arguments.check_out("--predictions", kept, ".parquet")
     check_file(options.predictor)
     directory = score.dataset_of(options)
     labels = score.labels_of(options, directory)
@@ -131,7 +131,7 @@ def _check_out(out: Path, predictor: Path, partial: bool, labels: truth.Truth) -
         return
     earlier = results.read(out)
     code = earlier["model"]["code"]
-    if code != predictor.name:
+    if code != code_name(predictor):
         raise EigbenchError(f"{out} is the result of {code}: give {predictor.name} another --out")
     facts = earlier["dataset"]
     if (facts["version"], facts["protocol"]) != (labels.version, labels.protocol):

@@ -88,7 +88,7 @@ def verify_rows(options: argparse.Namespace) -> int:
         verification.sign("0" * 64, options.key)  # one that cannot sign is found at once
     verified: dict[str, dict[str, Any]] = {}
     with (
-        tempfile.TemporaryDirectory(prefix="eigbench-verify-") as made,
+        tempfile.TemporaryDirectory() as made,  # a name that does not tell what it is for
         contextlib.closing(
             rerun.Checkouts(options.board, options.source, Path(made) / "commits")
         ) as checkouts,

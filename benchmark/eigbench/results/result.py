@@ -18,7 +18,7 @@ from eigbench import outside
 from eigbench.errors import EigbenchError, OutsideError, ResultError
 from eigbench.results import verification
 from eigbench.scoring import scores
-from eigbench.scoring.metrics import METRICS
+from eigbench.scoring.metrics import METRIC_VERSION, METRICS
 from eigbench.scoring.names import nameless
 from eigbench.scoring.truth import Truth
 from synthnet import recipe
@@ -226,6 +226,12 @@ def _check_version(result: Any, required: dict[str, Any], path: Path) -> None:
         if isinstance(stored, int) and current not in (None, stored):
             age = "an earlier" if stored < current else "a later"
             raise ResultError(f"{path} was made by {age} eigbench: evaluate its predictor again")
+    metric = result.get("metric_version") if isinstance(result, dict) else None
+    if isinstance(metric, int) and metric != METRIC_VERSION:
+        raise ResultError(
+            f"{path} has scores of metric version {metric}, these are version {METRIC_VERSION}: "
+            "on a board, eigbench leaderboard --rescore makes them anew from its predictions"
+        )
 
 
 def _check_means(facts: dict[str, Any], scored: dict[str, Any], where: str) -> None:
@@ -234,6 +240,9 @@ def _check_means(facts: dict[str, Any], scored: dict[str, Any], where: str) -> N
     count = sum(family["count"] for family in families)
     if count != instances:
         raise ResultError(f"{where}: the families have {count} instances, the dataset {instances}")
+    for name, numbers in (("overall", scored["overall"]), *scored["families"].items()):
+        if set(numbers) - {"count", "shapes"} != set(METRICS):
+            raise ResultError(f"{where}: {name} does not have the metrics {', '.join(METRICS)}")
     for key in METRICS:
         overall = scored["overall"][key]["mean"]
         means = [(family["count"], family[key]["mean"]) for family in families]

@@ -11,7 +11,7 @@ import os
 import re
 import subprocess
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -26,8 +26,10 @@ UNSEEN = ("ctx", "kind", "type_comment", "type_ignores")
 CODE = "baselines"  # of a checkout: the folder with the predictors of its rows
 MOST_CODE = 2**20  # bytes of a file that is parsed
 MOST_WEIGHTS = 2**40  # bytes of any file
+MOST_FILES, LONGEST_NAME = 1000, 300  # of a predictor, as result.schema.json has them
 # What the parser raises at code that it does not know, or that is too deep
 UNPARSABLE = (SyntaxError, ValueError, RecursionError, MemoryError)
+READS_ITSELF = re.compile(rb"__doc__|getdoc|getsource|getcomments")  # then docstrings are data
 ELSEWHERE = re.compile(r"\b(__name__|TYPE_CHECKING)\b")  # in a condition: not as it is loaded
 HEAD = 2**16  # bytes of a file that are looked at to see what it is
 # By suffix: whether it is the beginning that tells, else the end, and what stands there
@@ -83,6 +85,21 @@ def is_output(path: Path, below: Path | None = None) -> bool:
         return False
 
 
+def unnameable(names: Collection[str]) -> str:
+    """Return why no result can name a predictor's files, and what to do; empty if one can."""
+    if len(names) > MOST_FILES:
+        return (
+            f"the predictor has {len(names):,} files, and a result names {MOST_FILES:,} at most: "
+            "put its data into fewer"
+        )
+    for name in names:
+        if problem := outside.strange(name):
+            return f"a result cannot name the predictor's file {name!a}, for {problem}: rename it"
+        if len(name) > LONGEST_NAME:
+            return f"a result cannot name the predictor's file {name}: give it a shorter path"
+    return ""
+
+
 def remark(result: dict[str, Any], path: Path) -> str:
     """Return what a board says of a result in a checkout whose code has changed since."""
     root = checkout(path)
@@ -122,15 +139,18 @@ def _remembered(path: Path, root: Path, changed: int, size: int) -> str:
 def digest(path: Path, below: Path | None = None) -> str:
     """Return the digest of a file, 64 hexadecimal digits.
 
-    A Python file that does not parse, or is no code by its size, counts by its bytes, like any
-    other file. ``below`` is as of :func:`eigbench.outside.opened`.
+    A Python file that does not parse, is no code by its size, or reads its docstrings counts by its
+    bytes, like any other file. ``below`` is as of :func:`eigbench.outside.opened`.
     """
     with outside.opened(path, most=MOST_WEIGHTS, below=below) as file:
         if path.suffix == ".py" and os.fstat(file.fileno()).st_size <= MOST_CODE:
             try:
-                return digest_of_code(file.read(MOST_CODE))
+                code = file.read(MOST_CODE)
+                if not READS_ITSELF.search(code):
+                    return digest_of_code(code)
             except UNPARSABLE:
-                file.seek(0)
+                pass
+            file.seek(0)
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

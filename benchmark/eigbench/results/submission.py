@@ -6,6 +6,7 @@ recomputed from its predictions goes further. No predictor's code is run.
 
 import math
 import os
+import reprlib
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -112,25 +113,8 @@ def read(
         If the predictions are missing, damaged, or not exactly the split's.
     """
     result = results.read(path, below)
-    if result["metric_version"] != METRIC_VERSION:
-        raise ResultError(
-            f"{path} has metric version {result['metric_version']}, these are version "
-            f"{METRIC_VERSION}: score its predictions again"
-        )
-    labels = _truth(result, dataset, path)
-    _check_labels(result, labels, path)
     kept = predictions_path or _beside(path)
-    answers = predictions.read(kept, labels, below)
-    digest = outside.sha256(kept, most=predictions.most_bytes(labels), below=below)
-    if digest != result["predictions"]["sha256"]:
-        raise ResultError(
-            f"{kept} is not the file that {path} was made with: its SHA-256 is "
-            f"{digest[:12]}…, the result names {result['predictions']['sha256'][:12]}…"
-        )
-    if len(answers) != result["predictions"]["seeds"]:
-        raise ResultError(
-            f"{kept} has {len(answers)} seeds, {path} names {result['predictions']['seeds']}"
-        )
+    labels, answers = _predicted(result, path, kept, dataset, below)
     try:
         _check_same(result["scores"], scores.of_targets(labels, answers), "scores", path)
     except ResultError as error:
@@ -142,6 +126,48 @@ def read(
         filter(None, [sources.remark(result, path), _remark(remark_path(path), below)])
     )
     return Submission(result, labels, answers, path, kept, result["cost"]["batch_size"], remark)
+
+
+def rescored(path: Path, predictions_path: Path, below: Path) -> dict[str, Any]:
+    """Return a result with the scores that its predictions have by the metrics of today.
+
+    Raises
+    ------
+    ResultError, PredictionsError
+        As :func:`read`, but for scores, which may be those of other metrics.
+    """
+    result = results.load(path, below)
+    if isinstance(result, dict) and "metric_version" in result:
+        result["metric_version"] = METRIC_VERSION
+    results.check_schema(result, results.schema(), path)
+    labels, answers = _predicted(result, path, predictions_path, None, below)
+    result["scores"] = scores.of_targets(labels, answers)
+    results.validate(result, path)
+    return dict(result)
+
+
+def _predicted(
+    result: dict[str, Any],
+    path: Path,
+    kept: Path,
+    dataset: store.StoredDataset | None,
+    below: Path | None,
+) -> tuple[Truth, NDArray[np.float64]]:
+    """Return the labels of a result, and its predictions from the file that it was made with."""
+    labels = _truth(result, dataset, path)
+    _check_labels(result, labels, path)
+    answers = predictions.read(kept, labels, below)
+    digest = outside.sha256(kept, most=predictions.most_bytes(labels), below=below)
+    if digest != result["predictions"]["sha256"]:
+        raise ResultError(
+            f"{kept} is not the file that {path} was made with: its SHA-256 is "
+            f"{digest[:12]}…, the result names {result['predictions']['sha256'][:12]}…"
+        )
+    if len(answers) != result["predictions"]["seeds"]:
+        raise ResultError(
+            f"{kept} has {len(answers)} seeds, {path} names {result['predictions']['seeds']}"
+        )
+    return labels, answers
 
 
 def _remark(path: Path, below: Path | None) -> str:
@@ -236,7 +262,8 @@ def _check_same(stored: Any, computed: Any, key: str, path: Path) -> None:
         for i, value in enumerate(computed):
             _check_same(stored[i], value, f"{key}/{i}", path)
     elif stored != computed and not _is_close(stored, computed):
-        raise ResultError(f"{path}: {key} is {stored!r}, its predictions give {computed!r}")
+        was, made = reprlib.repr(stored), reprlib.repr(computed)
+        raise ResultError(f"{path}: {key} is {was}, its predictions give {made}")
 
 
 def _is_close(stored: Any, computed: Any) -> bool:

@@ -24,7 +24,7 @@ from eigbench.errors import EigbenchError, ResultError
 
 SIGNERS = Path("benchmark", "allowed_signers")
 NAMESPACE = "eigbench"  # of ssh-keygen: a signature for something else is none for this
-COMPUTED = ("schema_version", "metric_version", "scores")  # with each release, by `leaderboard`
+COMPUTED = ("schema_version", "metric_version", "scores")  # anew by `leaderboard --rescore`
 SCORED_BY, SAME = "rpd", 1e-6  # relative: what another processor may make of a mean
 BEGIN, END = (f"-----{word} SSH SIGNATURE-----" for word in ("BEGIN", "END"))
 UNSIGNED = ("digest", "signature")

@@ -218,8 +218,8 @@ class Box:
                 bad = hidden and not _noise(path) and os.path.lexists(path)
             elif what == "write":
                 bad = not path.is_relative_to(self.private) and not _noise(path)
-            else:
-                bad = True
+            else:  # a socket in its own folder is its own
+                bad = not path.is_relative_to(self.private)
             if bad and attempt not in refusals:
                 refusals.append(attempt)
         return refusals
@@ -382,7 +382,9 @@ def _own(file: Path) -> Iterator[Rule]:
     names |= {entry.name for entry in entries if (entry / "__init__.py").is_file()}
     names -= set(predictor.NOT_THEIRS)
     for entry in entries:
-        named = entry.name in names if entry.is_dir() else entry.name.split(".")[0] in names
+        parts = entry.name.split(".")
+        beginnings = {".".join(parts[:count]) for count in range(1, len(parts))}
+        named = entry.name in names if entry.is_dir() else bool(beginnings & names)
         if named and not is_output(entry):
             yield Rule(entry)
             # What is compiled there may be of other code than the sources beside it.

@@ -8,9 +8,12 @@ import math
 import secrets
 import shutil
 import time
+import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -296,7 +299,8 @@ def _run(
     done = sum(len(part.instances) for part in parts)
     if done:
         on_batch(done, sum(part.seconds for part in parts))
-    if (ended := _read_facts(folder / ENDED)) is not None:
+    ended = _read_facts(folder / ENDED)
+    if ended is not None and done == len(truth.ids):
         on_loaded(ended[0])
         return parts, *ended
     earlier = _read_facts(folder / BEGUN)
@@ -324,6 +328,7 @@ def _run(
         content = contents(status.sources, _folders(task))
         files.write_text(folder / SOURCES, json.dumps(content))
         peer: PredictorProcess | None = None
+        numbers = itertools.count(1 + max((int(p.stem) for p in folder.glob("*.npz")), default=-1))
         for chosen, new, beside in _batches_of(task, parts):
             batch = [truth.ids[i] for i in chosen]
             given = [instances.mesh(id) for id in batch]
@@ -343,7 +348,7 @@ def _run(
                         f"LaPy, timed beside the predictor, failed ({error}): "
                         "--no-reference leaves it out"
                     ) from error
-            _write_part(folder, len(parts), part)
+            _write_part(folder, next(numbers), part)
             parts.append(part)
             on_batch(len(batch), part.seconds)
             if time.monotonic() >= noted + NOTED:
@@ -416,10 +421,9 @@ def _open_parts(task: _Task) -> bool:
 
 def _goes_on(task: _Task) -> bool:
     """Whether the directory of parts holds what is to be gone on from."""
-    note = task.folder / NOTE
-    same = task.options.resume and note.exists()
-    same = same and json.loads(note.read_text()) == _fingerprint(task)
-    return same and _unchanged(task.folder / SOURCES, task)
+    if not task.options.resume or _read_note(task.folder / NOTE) != _fingerprint(task):
+        return False
+    return _unchanged(task.folder / SOURCES, task)
 
 
 def _is_answered(task: _Task) -> bool:
@@ -435,18 +439,30 @@ def _folders(task: _Task) -> list[Path]:
 
 def _unchanged(note: Path, task: _Task) -> bool:
     """Whether the files of an earlier run are still what they were, to the byte."""
-    if not note.exists():
+    earlier = _read_note(note)
+    if earlier is None:
         return False  # it did not come as far as the first batch
-    earlier: dict[str, str] = json.loads(note.read_text())
-    return contents(earlier, _folders(task)) == earlier
+    return bool(contents(earlier, _folders(task)) == earlier)
+
+
+def _read_note(path: Path) -> Any:
+    """Return what a note of an earlier run holds; ``None`` if there is none, or it is damaged."""
+    try:
+        return json.loads(path.read_text())
+    except (FileNotFoundError, ValueError):
+        return None
 
 
 def _read_parts(folder: Path) -> list[_Part]:
+    """Return what was answered; a part that is damaged is removed, and asked again."""
     parts = []
     for path in sorted(folder.glob("*.npz")):
-        with np.load(path, allow_pickle=False) as part:
-            # Of an array without an axis, [()] is its number
-            parts.append(_Part(**{name: part[name][()] for name in part.files}))
+        try:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as part:
+                # Of an array without an axis, [()] is its number
+                parts.append(_Part(**{name: part[name][()] for name in part.files}))
+        except (OSError, EOFError, ValueError, TypeError, zipfile.BadZipFile, zlib.error):
+            path.unlink()
     return parts
 
 
@@ -476,9 +492,9 @@ def _note(
 
 def _read_facts(path: Path) -> tuple[Loaded, Status] | None:
     """Return what :func:`_note` has written, if it has."""
-    if not path.exists():
+    facts = _read_note(path)
+    if facts is None:
         return None
-    facts = json.loads(path.read_text())
     status = Status(**facts["status"])
     return Loaded(**facts["loaded"]), replace(status, refused=tuple(status.refused))
 

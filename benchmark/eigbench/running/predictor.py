@@ -83,6 +83,12 @@ def split(path: Path) -> tuple[Path, str]:
     return path.with_name(name), variant
 
 
+def code_name(path: Path) -> str:
+    """Return the name of a predictor's code in a result; a link's is that of what it leads to."""
+    file, variant = split(path)
+    return ":".join(filter(None, [file.resolve().name, variant]))
+
+
 def check_file(path: Path) -> None:
     """Check that there is a Python file at a path, or at that of ``FILE.py:NAME``.
 
@@ -196,18 +202,20 @@ def sources(path: Path, roots: Sequence[Path]) -> list[str]:
     """Return the files that a predictor is made of, relative to its directory.
 
     These are its file, each module it has imported from ``roots``, and what lies beside one of
-    them under the same name: ``my_model.safetensors``; of a variant,
+    them under the same name: ``my_model.safetensors`` and all that is in ``my_model/``, of a
+    package all but the modules that it has not imported; of a variant,
     ``my_models/NAME.safetensors``. Other files that it reads are not seen.
     """
     path, variant = split(path)
     root = path.resolve().parent
     files = _beside(root / path.name)
-    if variant:
-        files |= _beside(root / path.stem / variant)
+    files |= _beside(root / path.stem / variant) if variant else _data(root / path.stem)
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
         if file and _is_theirs(name, file, roots):
-            files |= _beside(Path(file).resolve())
+            module_file = Path(file).resolve()
+            files |= _beside(module_file)
+            files |= _data(module_file.parent) if module_file.stem == "__init__" else set()
     return sorted(Path(os.path.relpath(file, root)).as_posix() for file in files)
 
 
@@ -226,6 +234,15 @@ def _beside(path: Path) -> set[Path]:
     """Return the files of a path's name, whatever their suffix."""
     name = glob.escape(path.name.removesuffix(".py"))
     return {file for file in path.parent.glob(f"{name}.*") if file.is_file()}
+
+
+def _data(folder: Path) -> set[Path]:
+    """Return the files below a folder that are no code: code counts once it is imported."""
+    return {
+        file
+        for file in folder.rglob("*")
+        if file.suffix not in (".py", ".pyc") and file.is_file() and not file.is_symlink()
+    }
 
 
 def as_array(answer: Any) -> NDArray[Any]:

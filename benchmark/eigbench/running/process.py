@@ -18,7 +18,7 @@ import psutil
 from numpy.typing import NDArray
 
 from eigbench.errors import Died, OutsideError, OverMemory, OverTime, PredictorError, WorksUnasked
-from eigbench.results.sources import digest, is_output
+from eigbench.results.sources import digest, is_output, unnameable
 from eigbench.running import frames, predictor, supervisor, tree
 from eigbench.running.box import BUBBLEWRAP, NONE, Box, Settings
 from eigbench.running.meshes import warming
@@ -49,15 +49,23 @@ def refused(message: str, code: Path, shows: Callable[[Path], bool]) -> str:
     ``shows`` says whether a path can be read there.
     """
     folder = code.resolve().parent
-    for name in re.findall(r"'([^'\0]{1,300})'", message):
-        path = Path(os.path.normpath(folder / name))
+    modules = re.findall(r"needs the package (\w+)", message)
+    named = [path for module in modules for path in sorted(folder.glob(f"*/{module}.py"))]
+    named += [folder / name for name in re.findall(r"'([^'\0]{1,300})'", message)]
+    for path in (Path(os.path.normpath(path)) for path in named):
         try:
-            hidden = path.parent == folder and path.is_file() and not path.is_symlink()
+            hidden = path.is_relative_to(folder) and path.is_file() and not shows(path)
         except OSError:  # a name that is too long is no file's
             continue
-        if hidden and not shows(path):
+        if hidden and path.is_symlink():
+            return f" (the sandbox shows no symbolic link: put the file itself at {path})"
+        if hidden and path.parent == folder:
             remedy = f"name it {code.stem}.{path.name}, or add --readable {path}"
             return f" (the sandbox does not show {path.name}: {remedy})"
+        if hidden:
+            below = folder / path.relative_to(folder).parts[0]
+            remedy = f"make a package of it by an __init__.py, or add --readable {below}"
+            return f" (the sandbox does not show {below.name}/: {remedy})"
     return REFUSED
 
 
@@ -245,6 +253,8 @@ class PredictorProcess:
                 continue
             except OutsideError as error:
                 raise PredictorError(f"a predictor lies in one folder: {error}") from error
+        if problem := unnameable(digests):
+            raise PredictorError(problem)
         tried = tuple(map(printable, refused))
         return Status(peak, digests, self._usage.counted_by(), tried)
 

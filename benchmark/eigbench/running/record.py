@@ -62,7 +62,7 @@ def make(
 
 def model(code: Path, loaded: Loaded, status: Status) -> dict[str, Any]:
     """Return what a result says of its predictor: META, files and parameters."""
-    files = {"code": code.name, "sources": status.sources}
+    files = {"code": predictor.code_name(code), "sources": status.sources}
     return {**loaded.meta, **files, "parameters": loaded.parameters}
 
 

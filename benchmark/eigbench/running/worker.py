@@ -36,6 +36,8 @@ WATCHED = {  # Python's audit events, and what they are here
     **dict.fromkeys(("os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.truncate"), "write"),
     **dict.fromkeys(("socket.connect", "socket.getaddrinfo"), "connect"),
 }
+# Of these the argument that is a folder's descriptor, or -1: a name is relative to that folder
+RELATIVE_TO = {"os.mkdir": 2, "os.remove": 1, "os.rename": 2, "os.rmdir": 1}
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +114,8 @@ def _attempts() -> dict[str, None]:
 
     def look(event: str, arguments: tuple[Any, ...]) -> None:
         if event not in WATCHED or len(noted) >= MOST_ATTEMPTS:
+            return
+        if event in RELATIVE_TO and arguments[RELATIVE_TO[event]] != -1:
             return
         what = WATCHED[event]
         where = arguments[0]

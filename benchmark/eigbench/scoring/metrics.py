@@ -181,6 +181,8 @@ class Metric:
         Unit of a value; empty for a pure number.
     decimals : int
         In tables.
+    note : str
+        What it is, in a sentence or two, for the columns of a board.
     """
 
     key: str
@@ -189,6 +191,7 @@ class Metric:
     higher_is_better: bool
     unit: str
     decimals: int
+    note: str
 
     @property
     def heading(self) -> str:
@@ -200,17 +203,41 @@ class Metric:
 METRICS: dict[str, Metric] = {
     m.key: m
     for m in (
-        Metric("invlap", "InvLap", inverse_laplacian, False, "", 4),
-        Metric("rpd", "RPD", relative_percent_difference, False, "", 4),
-        Metric("polar", "PolarLoss", polar_loss, False, "", 4),
-        Metric("psnr", "PSNR", psnr, True, "dB", 2),
-        Metric("psnr20", "PSNR>20", psnr_above_20, True, "share", 4),
-        Metric("l1", "ℓ1", l1_norm, False, "1/length²", 3),
-        Metric("l2", "ℓ2", l2_norm, False, "1/length²", 3),
+        Metric(
+            *("invlap", "InvLap", inverse_laplacian, False, "", 4),
+            "Inverse Laplacian: √ Σ (g/p − 1)² of prediction p and target g. It has no upper "
+            "bound: one prediction that is too small can dominate the mean.",
+        ),
+        Metric(
+            *("rpd", "RPD", relative_percent_difference, False, "", 4),
+            "Relative percent difference: Σ |p − g| / (|p| + |g|), from 0 to 10. Ranks go by it.",
+        ),
+        Metric(
+            *("polar", "PolarLoss", polar_loss, False, "", 4),
+            "1 − cosine of the angle between the spectra + ‖p − g‖ / (‖p‖ + ‖g‖), from 0 to 3. "
+            "The largest eigenvalues dominate it.",
+        ),
+        Metric(
+            *("psnr", "PSNR", psnr, True, "dB", 2),
+            "Peak signal-to-noise ratio of a spectrum in dB, infinite for an exact one.",
+        ),
+        Metric(
+            *("psnr20", "PSNR>20", psnr_above_20, True, "share", 4),
+            "Share of meshes whose spectrum is predicted with a PSNR above 20 dB.",
+        ),
+        Metric(
+            *("l1", "ℓ1", l1_norm, False, "1/length²", 3),
+            "Σ |p − g|. It scales as 1/length²; small shapes dominate it.",
+        ),
+        Metric(
+            *("l2", "ℓ2", l2_norm, False, "1/length²", 3),
+            "√ Σ (p − g)². It scales as 1/length²; small shapes dominate it.",
+        ),
     )
 }
 
-MAIN = tuple(key for key in METRICS if key != "psnr")  # the paper's six, which its main table has
+# The paper's six, which the boards' main tables have; the others are in a row's result.
+MAIN = ("invlap", "rpd", "polar", "psnr20", "l1", "l2")
 
 
 def has_zero(values: NDArray[Any], count: int, k: int) -> bool:

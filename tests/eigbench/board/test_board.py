@@ -1,5 +1,6 @@
 """Submissions, ranks, LEADERBOARD.md and its check, compare and plot."""
 
+import copy
 import json
 import re
 import shutil
@@ -76,6 +77,33 @@ def board(generated, tmp_path):
     return tmp_path
 
 
+def test_rows_of_other_metrics_are_named_and_scored_anew(board):
+    path = next((board / leaderboard.RESULTS).glob("*/*.json"))
+    whole = json.loads(path.read_text())
+    older = copy.deepcopy(whole) | {"metric_version": 1}
+    for scored in older["scores"].values():
+        del scored["overall"]["l2"]
+        scored["families"] = {
+            name: {key: value for key, value in family.items() if key != "l2"}
+            for name, family in scored["families"].items()
+        }
+        scored["overall"]["rpd"]["mean"] = 0.5
+    path.write_text(json.dumps(older))
+    with pytest.raises(ResultError, match=r"of metric version 1, .* leaderboard --rescore"):
+        leaderboard.read(board)
+    assert leaderboard.rescore(board) == [path]
+    assert json.loads(path.read_text()) == whole
+    assert leaderboard.rescore(board) == []
+    assert len(leaderboard.read(board)) == 4
+
+
+def test_answers_that_are_not_those_of_a_row_give_it_no_scores(board):
+    first, second = sorted((board / leaderboard.PREDICTIONS).glob("*/*.parquet"))[:2]
+    shutil.copyfile(first, second)
+    with pytest.raises(ResultError, match=r"is not the file that .* was made with"):
+        leaderboard.rescore(board)
+
+
 # --- reading a submission ----------------------------------------------------------------
 
 
@@ -89,7 +117,7 @@ def test_evaluated_result_is_borne_out_by_its_predictions(weyl, mini_truth):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda r: r.update(metric_version=1), r"has metric version 1, these are version 2"),
+        (lambda r: r.update(metric_version=1), r"of metric version 1, these are version 2"),
         (lambda r: r["dataset"].update(split_digest="0" * 64), r"its split_digest is 0{16}, that"),
         (lambda r: r["dataset"].update(shapes=35), r"its shapes is 35, that of 1.0-mini here is"),
         (lambda r: r["dataset"].update(shapes=33), r"the families have 34 shapes of 33"),

@@ -3,13 +3,21 @@
 import ast
 import hashlib
 import json
+import re
 from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from eigbench.results import predictions
-from eigbench.results.sources import digest, digest_of_code, is_output, outdated, remark
+from eigbench.results.sources import (
+    digest,
+    digest_of_code,
+    is_output,
+    outdated,
+    remark,
+    unnameable,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -256,6 +264,30 @@ def test_remark_is_of_results_on_the_board_of_a_checkout(checkout):
     (root / "baselines" / "mine.py").write_text(META)
     assert remark(result, path) == "This row was made by an earlier version of the model's code."
     assert remark(result, root / "mine.json") == ""
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["my_model.py", "my_model.copy\u00a01.bin"], r"'my_model.copy\\xa01.bin', for the char"),
+        (["mode\u0301l.py"], "for letters that are not composed"),
+        ([f"{'a' * 298}.py"], "give it a shorter path"),
+        (list(map(str, range(1001))), "has 1,001 files, and a result names 1,000 at most"),
+    ],
+)
+def test_files_that_no_result_can_name_are_found_before_anything_is_predicted(names, message):
+    assert unnameable(["my_model.py", "my_model/näh.bin"]) == ""
+    assert re.search(message, unnameable(names))
+
+
+def test_code_that_reads_its_docstring_counts_by_its_bytes(tmp_path):
+    path = tmp_path / "mine.py"
+    digests = set()
+    for text in ("[]", "[1]"):
+        for code in ("x = 1", "x = __doc__"):
+            path.write_text(f'"""{text}"""\n{code}\n')
+            digests.add(digest(path))
+    assert len(digests) == 3
 
 
 def test_an_output_is_one_of_a_folder_and_reached_by_no_link(tmp_path):

@@ -136,9 +136,11 @@ def test_outside_the_box_each_attempt_succeeds(asked, what):
 @pytest.mark.parametrize("what", ATTEMPTS)
 def test_in_the_box_each_attempt_fails_and_is_reported(asked, secret, kind, what):
     attempt, report = ATTEMPTS[what]
-    beside = what == "a file beside it that is none of its own"
-    hint = "does not show notes.txt: name it my_model.notes" if beside else "shows the predictor's"
-    with pytest.raises(PredictorError, match=hint):
+    hints = {
+        "a file beside it that is none of its own": "does not show notes.txt: name it my_model.not",
+        "a link of its own": "shows no symbolic link: put the file itself at .*my_model.link",
+    }
+    with pytest.raises(PredictorError, match=hints.get(what, "shows the predictor's")):
         asked(attempt, kind)
     refused = asked(attempt, kind, caught=True).refused
     assert refused
@@ -150,6 +152,54 @@ def test_what_the_user_shows_can_be_read_and_is_a_source(asked, secret, kind):
     status = asked("open(r'{secret}').read()", kind, readable=[secret])
     assert status.refused == ()
     assert sorted(status.sources) == ["labels.csv", "my_model.py"]
+
+
+ALLOWED = {
+    "a folder in a temporary one": (
+        "import shutil, tempfile\n    where = tempfile.mkdtemp()\n"
+        "    Path(where, 'below').mkdir()\n    Path(where, 'a.npy').touch()\n"
+        "    shutil.rmtree(where)"
+    ),
+    "a socket of its own": (
+        "at = os.path.join(os.environ['TMPDIR'], 'socket')\n"
+        "    own = socket.socket(socket.AF_UNIX)\n    own.bind(at)\n    own.listen()\n"
+        "    socket.socket(socket.AF_UNIX).connect(at)"
+    ),
+}
+
+
+@pytest.mark.parametrize("what", ALLOWED)
+def test_what_it_does_in_its_own_directory_is_no_refusal(predictor_file, what):
+    code = PROBE.format(attempt="pass", call=ALLOWED[what])
+    kind = box.available()  # Landlock gives no sockets at all
+    if kind != box.BUBBLEWRAP:
+        pytest.skip("bubblewrap is not installed, or may not")
+    assert warmed(predictor_file(code), kind).refused == ()
+
+
+def test_a_name_with_dots_and_a_folder_of_that_name_are_its_own(predictor_file, kind):
+    code = "import numpy as np\nfrom pathlib import Path\n"
+    code += "w = np.load(Path(__file__).with_name('gcn_v1.2') / 'below' / 'weights.npy')\n"
+    code += "def predict(meshes): return np.ones((len(meshes), 10)) * w"
+    path = predictor_file(code, "gcn_v1.2.py")
+    weights = path.with_suffix("") / "below" / "weights.npy"
+    weights.parent.mkdir(parents=True)
+    np.save(weights, np.ones(10))
+    assert set(warmed(path, kind).sources) == {"gcn_v1.2.py", "gcn_v1.2/below/weights.npy"}
+
+
+def test_a_module_in_a_folder_that_is_no_package_is_named_as_the_cause(predictor_file, kind):
+    path = predictor_file("import sys\nsys.path.insert(0, 'lib')\nimport helper")
+    (path.parent / "lib").mkdir()
+    (path.parent / "lib" / "helper.py").write_text("x = 1")
+    with pytest.raises(PredictorError, match=r"does not show lib/: make a package"):
+        warmed(path, kind)
+
+
+def test_a_dataset_is_not_built_in_it(predictor_file, kind):
+    code = "from synthnet import load_dataset\nload_dataset('1.0-mini', 'train')"
+    with pytest.raises(PredictorError, match=r"no meshes of 1.0-mini, and builds none"):
+        warmed(predictor_file(code), kind)
 
 
 @pytest.mark.attack

@@ -452,6 +452,19 @@ def test_sources_are_the_files_beside_it_and_nothing_that_is_no_file(
     assert set(sources) == {"my_model.py", "my_model.npz", "a_sibling.py", "a_sibling.parquet"}
 
 
+def test_sources_are_all_data_of_a_folder_of_its_name_and_of_a_package(predictor_file, tmp_path):
+    for name in ("my_model/a.npz", "my_model/below/b.npz", "package/c.npz", "elsewhere/d.npz"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(b"weights")
+    (tmp_path / "package" / "__init__.py").touch()
+    (tmp_path / "package" / "unused.py").touch()
+    (tmp_path / "my_model" / "link.npz").symlink_to(tmp_path / "elsewhere" / "d.npz")
+    path = predictor_file("import package\n" + FUNCTION)
+    expected = {"my_model.py", "my_model/a.npz", "my_model/below/b.npz"}
+    expected |= {"package/__init__.py", "package/c.npz"}
+    assert set(predictor.sources(path, predictor.load(path).roots)) == expected
+
+
 def test_sources_of_a_directory_that_the_file_puts_on_the_path(predictor_file, tmp_path):
     shared = tmp_path / "shared" / "a_package"
     shared.mkdir(parents=True)
