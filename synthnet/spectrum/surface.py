@@ -21,6 +21,7 @@ Anal. 30 (1993). K. Neymeyr, "A posteriori error estimation for elliptic eigenpr
 Linear Algebra Appl. 9 (2002).
 """
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,11 @@ from synthnet.spectrum.inputs import as_count, as_mesh
 from synthnet.spectrum.sheets import warn_of_sheets
 from synthnet.spectrum.solve import of_matrices
 
+FIRST_ORDER = 0.3  # of an eigenvalue: where the edges' functions take more, it is no small error
+COARSE = (
+    "triangles are too long or too large for some of these eigenvalues, whose estimates may be far "
+    'off, or of others: subdivide the mesh, or compute with Operator(elements="curved")'
+)
 ENOUGH, STEPS = 0.01, 20  # conjugate gradients end with a step that adds no such share, or so many
 
 
@@ -68,7 +74,9 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     Warns
     -----
     UserWarning
-        As :func:`synthnet.spectrum.compute`, if the mesh is no surface, or looks like another.
+        As :func:`synthnet.spectrum.compute`, if the mesh is no surface, or looks like another; if
+        linear elements are more than about a quarter off, so that an estimate to first order may
+        be too, and eigenvalues may be missing.
 
     Examples
     --------
@@ -87,6 +95,8 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     values = found.eigenvalues
     energies = _edge_energies(patches, stiffness, mass, found.eigenvectors, values)
     nearer = values * np.exp(-energies / values)
+    if np.any(energies > FIRST_ORDER * values):
+        warnings.warn(COARSE, stacklevel=2)
     if not np.isfinite(nearer).all():
         raise SpectrumError("rounding leaves no estimate: remesh, some triangles are too thin")
     return np.sort(nearer)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -147,6 +148,17 @@ def test_an_estimate_does_not_depend_on_how_many_are_wanted():
     np.testing.assert_allclose(surface_eigenvalues(ellipsoid, 4), many[:4], rtol=1e-7)
 
 
+def test_an_estimate_that_is_none_to_first_order_is_warned_of():
+    long = trimesh.creation.cylinder(1, 10)
+    for mesh in (long, trimesh.creation.annulus(0.5, 1, 1)):
+        with pytest.warns(UserWarning, match=r"too long or too large.*subdivide") as caught:
+            surface_eigenvalues(mesh)
+        assert caught[0].filename == __file__
+    finer = long.subdivide_to_size(0.5)
+    near, curved_ones = surface_eigenvalues(finer, 5), spectrum.compute(finer, 5, operator=CURVED)
+    np.testing.assert_allclose(near, curved_ones.eigenvalues, rtol=0.02)
+
+
 def test_without_an_estimate_there_is_no_answer(monkeypatch):
     """No mesh is known to us whose rounding leaves none."""
     blocks = -np.ones((1, 6)), np.zeros((1, 6))
@@ -222,7 +234,8 @@ def test_the_estimate_holds_where_a_mesh_is_too_coarse_for_an_eigenvalue():
         split_b=1,
         subdivisions=1,
     )
-    values = surface_eigenvalues(cone, 20)
+    with pytest.warns(UserWarning, match="too long or too large"):
+        values = surface_eigenvalues(cone, 20)
     linear = spectrum.of_matrices(curved.hierarchical(bend(cone))[0], 20).eigenvalues
     assert (values > 0.4 * linear).all()
     assert (values < linear).all()

@@ -61,8 +61,8 @@ def test_what_is_no_surface_is_said_where_compute_was_called(mesh, message, elem
 @pytest.mark.parametrize(("mesh", "message"), [(PINCHED, "1 vertex"), (SLIT, "the surface is sl")])
 def test_so_it_is_where_the_spectrum_of_the_smooth_surface_was_asked_for(mesh, message):
     with pytest.warns(UserWarning, match=f"^{message}") as caught:
-        surface_eigenvalues(mesh, 3)
-    (warned,) = caught
+        surface_eigenvalues(mesh, 1)
+    (warned,) = (w for w in caught if "too large" not in str(w.message))  # they have few triangles
     assert warned.filename == __file__
 
 
