@@ -93,13 +93,17 @@ def triangles(
 
 
 def _turned(corners: Floats, polygon: Int64s) -> Booleans:
-    """Return which triangles do not face as their polygon does, from corners (t, 3, 3)."""
+    """Return which triangles do not face as their polygon does, from corners (t, 3, 3).
+
+    A polygon whose areas overflow has none: its size is for a rule of the repair.
+    """
     a, b, c = np.moveaxis(corners, 1, 0)
-    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite has a rule of its own
+    with np.errstate(over="ignore", invalid="ignore"):
         normals = np.cross(b - a, c - a)
         whole = np.stack([np.bincount(polygon, n) for n in normals.T], axis=1)
         facing: Floats = np.einsum("ij,ij->i", normals, whole[polygon])
-    return facing <= 0
+        finite: Booleans = np.isfinite(np.bincount(polygon, facing))[polygon]
+    return (facing <= 0) & finite
 
 
 def _wide(corners: Floats, polygon: Int64s) -> Int64s:
@@ -146,29 +150,48 @@ def _ears(points: Floats, number: int) -> Int64s:
     """Return the triangles of a polygon, (c - 2, 3), the best ear cut first.
 
     ``points`` are its corners in their order, (c, 3); ``number`` is the polygon's, for the error.
+    A corner at the position of the next makes a triangle without area, which a repair drops.
     """
-    flat = _in_plane(points)
-    left, ears = list(range(len(points))), list[tuple[int, int, int]]()
-    scores = [_score(flat, left, at) for at in range(len(left))]
+    left, flat = list(range(len(points))), _in_plane(points)
+    ears = list[tuple[int, ...]]()
+    for at in reversed(range(len(points))):
+        after = left[(at + 1) % len(left)]
+        if len(left) > 3 and (points[at] == points[after]).all():
+            ears.append((left[at - 1], at, after))
+            del left[at]
+    # Rounding puts some corners on an ear's side outside it. Where the ears then leave a rest
+    # without area, such corners count as inside.
+    cut = _cut(flat, left, slack=0.0) or _cut(flat, left, slack=FLAT)
+    if not cut:
+        raise PolygonError(number, "a polygon that crosses itself or has no area")
+    return np.array(ears + cut)
+
+
+def _cut(flat: Floats, corners: list[int], *, slack: float) -> list[tuple[int, ...]]:
+    """Return the ears of the polygon of these corners in the plane; none if it cannot be cut."""
+    left, ears = list(corners), list[tuple[int, ...]]()
+    scores = [_score(flat, left, at, slack) for at in range(len(left))]
     while len(left) > 3:
         at = int(np.argmax(scores))
         if not scores[at] > FLAT:
-            raise PolygonError(number, "a polygon that crosses itself or has no area")
+            return []
         ears.append((left[at - 1], left[at], left[(at + 1) % len(left)]))
         del left[at], scores[at]
         # A corner inside an ear keeps it from being one until it is itself gone
         near = {(at - 1) % len(left), at % len(left)}
         blocked = {i for i, score in enumerate(scores) if score == 0}
         for i in near | blocked:
-            scores[i] = _score(flat, left, i)
-    if not _score(flat, left, 1) > FLAT:
-        raise PolygonError(number, "a polygon that crosses itself or has no area")
-    return np.array([*ears, tuple(left)])
+            scores[i] = _score(flat, left, i, slack)
+    return [*ears, tuple(left)] if _score(flat, left, 1, slack) > FLAT else []
 
 
 def _in_plane(points: Floats) -> Floats:
-    """Return the corners (c, 2) in the plane across Newell's normal, where they run to the left."""
-    middle = points - points.mean(axis=0)
+    """Return the corners (c, 2) in the plane across Newell's normal, where they run to the left.
+
+    They are scaled by a power of two to at most 1, so that no product overflows.
+    """
+    small = np.ldexp(points, -np.frexp(np.abs(points).max())[1])
+    middle = small - small.mean(axis=0)
     normal = np.cross(middle, np.roll(middle, -1, axis=0)).sum(axis=0)
     least = np.zeros(3)
     least[np.abs(normal).argmin()] = 1
@@ -180,8 +203,11 @@ def _in_plane(points: Floats) -> Floats:
     return flat
 
 
-def _score(flat: Floats, left: list[int], at: int) -> float:
-    """Return altitude / longest edge of the ear at a corner; 0 if blocked, negative if reflex."""
+def _score(flat: Floats, left: list[int], at: int, slack: float) -> float:
+    """Return altitude / longest edge of the ear at a corner; 0 if blocked, negative if reflex.
+
+    Corners outside by less than the slack, times the longest edge, block it as well.
+    """
     names = left[at - 1], left[at], left[(at + 1) % len(left)]
     a, b, c = flat[list(names)]
     doubled = _cross(b - a, c - a)
@@ -191,7 +217,7 @@ def _score(flat: Floats, left: list[int], at: int) -> float:
     others = flat[[i for i in left if i not in names]]
     inside = np.ones(len(others), bool)
     for start, end in ((a, b), (b, c), (c, a)):
-        inside &= _cross(end - start, others - start) >= 0
+        inside &= _cross(end - start, others - start) >= -slack * longest
         inside &= (others != start).any(axis=1)  # a hole is joined to the rim by a side of it twice
     return 0.0 if inside.any() else float(doubled / longest)
 

@@ -273,6 +273,46 @@ def test_a_polygon_that_touches_itself_is_cut(points):
     assert len(faces_of(polygon(points, 0.0))) == len(points) - 2
 
 
+@pytest.mark.parametrize(
+    "points",
+    [
+        # Four corners on a straight side, of which rounding puts some beside it
+        [(0.6, 1.5), (0.2, 0.9), (-0.2, 0.3), (-0.6, -0.3), (2.7, 1.8)],
+        # One position twice in a row, as of another vertex
+        [(0, 0), (1, 0), (1, 0), (1, 1), (0, 1)],
+        # The same at the end of a ring that is not convex
+        [(2, 0), (1, 0.5), (1, 2), (0, 0), (2, 0)],
+    ],
+)
+def test_corners_on_a_straight_side_or_there_twice_are_kept_and_cover_it_once(points):
+    mesh = read(polygon(points, 0.0).encode(), ".obj")
+    assert mesh.clipped == 1
+    assert set(mesh.faces.ravel().tolist()) == set(range(len(points)))
+    corners, flat = mesh.vertices[mesh.faces], np.array(points, float)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    (x, y), (u, v) = flat.T, np.roll(flat, -1, axis=0).T
+    area = abs(np.sum(x * v - y * u)) / 2
+    assert np.linalg.norm(normals, axis=1).sum() == pytest.approx(area)
+    assert np.linalg.norm(normals.sum(axis=0)) == pytest.approx(area)
+
+
+def test_a_ring_that_names_its_first_vertex_again_is_cut():
+    text = "v 0 0 0\nv 2 0 0\nv 1 .5 0\nv 1 2 0\nf 2 3 4 1 2\n"
+    good = [face for face in faces_of(text) if len(set(face)) == 3]
+    assert {frozenset(face) for face in good} == {frozenset((0, 1, 2)), frozenset((0, 2, 3))}
+
+
+@pytest.mark.parametrize("scale", [1e-90, 1.0, 1e90])
+def test_a_polygon_of_any_size_is_cut_without_a_warning(scale):
+    points = np.array([(2, 0), (0.5, 0.5), (0, 2), (0, 0), (1, -1)]) * scale
+    assert len(faces_of(polygon(points.tolist(), 1.0))) == 3
+
+
+def test_a_coordinate_whose_square_overflows_is_left_to_repair():
+    text = "v 2 0 0\nv .5 .5 0\nv 0 2 0\nv 0 0 0\nv 1 1e300 0\nf 1 2 3 4 5\n"
+    assert faces_of(text) == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
+
+
 def test_arrow_is_cut_from_its_inner_corner_or_its_tip():
     text = "v 0 0 0\nv 2 0 0\nv 1 .5 0\nv 1 2 0\nf 3 4 1 2\nf 1 2 3 4\n"
     assert faces_of(text) == [[2, 3, 0], [2, 0, 1], *HALVES]
