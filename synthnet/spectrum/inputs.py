@@ -88,17 +88,17 @@ def repaired(given: Any) -> Repaired:
     return repair(as_mesh(given), Rules(least=TRIANGLE))
 
 
-def as_count(k: Any) -> int:
-    """Return a number of eigenvalues that is an integer, of Python or NumPy, as Python's.
+def as_count(count: Any, name: str = "k") -> int:
+    """Return a number of eigenvalues, or of another name, that is an integer as Python's.
 
     Raises
     ------
     ValueError
-        If it is anything else, a whole float too.
+        If it is neither Python's nor NumPy's: a whole float too.
     """
-    if isinstance(k, bool) or not isinstance(k, int | np.integer):
-        raise ValueError(f"k must be an integer, got {k!r}")  # noqa: TRY004 - one kind of error for all bad input
-    return int(k)
+    if isinstance(count, bool) or not isinstance(count, int | np.integer):
+        raise ValueError(f"{name} must be an integer, got {count!r}")  # noqa: TRY004 - one kind of error for all bad input
+    return int(count)
 
 
 def check(mesh: Mesh) -> None:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future
 from functools import partial
 from itertools import islice
-from typing import Any
+from typing import Any, TypeAlias
 
 from synthnet.processes import worker_pool
 from synthnet.spectrum.inputs import as_count, as_mesh
 from synthnet.spectrum.operators import PLAIN, Operator
 from synthnet.spectrum.solve import compile_solver, compute
 from synthnet.types import Spectrum
+
+Warned: TypeAlias = tuple[Spectrum, list[tuple[type[Warning], str]]]  # with what was warned of
 
 
 def spectra(
@@ -45,6 +48,11 @@ def spectra(
     ValueError, Refused, SpectrumError, CertificateError
         At the first mesh that has no spectrum; a note of the error says which it is.
 
+    Warns
+    -----
+    RuntimeWarning, UserWarning
+        As :func:`synthnet.spectrum.compute`, and of which mesh.
+
     Examples
     --------
     >>> from synthnet.families import FAMILIES
@@ -53,28 +61,43 @@ def spectra(
     [2.1, 0.5]
     """
     k = as_count(k)
-    if workers < 1:
+    if (workers := as_count(workers, "workers")) < 1:
         raise ValueError(f"workers must be at least 1, got {workers}")
-    solve = partial(compute, k=k, operator=operator, repair=repair)
+    solve = partial(_recorded, partial(compute, k=k, operator=operator, repair=repair))
     if workers == 1:
-        results: Iterator[Callable[[], Spectrum]] = (partial(solve, mesh) for mesh in meshes)
+        results: Iterator[Callable[[], Warned]] = (partial(solve, mesh) for mesh in meshes)
     else:
         compile_solver()  # once, before all of them would
         results = _by_workers(workers, solve, meshes)
     for number, result in enumerate(results):
         try:
-            found = result()
+            found, warned = result()
         except BrokenExecutor:
             raise  # a process has died, of whichever mesh
         except Exception as error:
             error.add_note(f"of mesh {number}, counted from 0")
             raise
+        for category, message in warned:
+            warnings.warn(f"{message} (of mesh {number}, counted from 0)", category, stacklevel=2)
         yield found
 
 
+def _recorded(solve: Callable[[Any], Spectrum], mesh: Any) -> Warned:
+    """Return a mesh's spectrum, and what was warned of; an error has that as notes."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            found = solve(mesh)
+        except Exception as error:
+            for warning in caught:
+                error.add_note(f"after a warning: {warning.message}")
+            raise
+    return found, [(warning.category, str(warning.message)) for warning in caught]
+
+
 def _by_workers(
-    workers: int, solve: Callable[[Any], Spectrum], meshes: Iterable[Any]
-) -> Iterator[Callable[[], Spectrum]]:
+    workers: int, solve: Callable[[Any], Warned], meshes: Iterable[Any]
+) -> Iterator[Callable[[], Warned]]:
     """Yield what waits for each mesh's spectrum; two meshes for each process are read ahead."""
     with worker_pool(workers) as pool:
         futures = _submitted(pool, solve, meshes)
@@ -86,13 +109,13 @@ def _by_workers(
 
 
 def _submitted(
-    pool: Executor, solve: Callable[[Any], Spectrum], meshes: Iterable[Any]
-) -> Iterator[Future[Spectrum]]:
+    pool: Executor, solve: Callable[[Any], Warned], meshes: Iterable[Any]
+) -> Iterator[Future[Warned]]:
     """Yield what each mesh will have; the last is an error if there is no further mesh by one."""
     try:
         for mesh in map(as_mesh, meshes):
             yield pool.submit(solve, mesh)
     except Exception as error:  # noqa: BLE001 - raised when it is its turn
-        failed = Future[Spectrum]()
+        failed = Future[Warned]()
         failed.set_exception(error)
         yield failed

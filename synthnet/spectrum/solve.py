@@ -260,14 +260,14 @@ def smallest(matrices: Matrices, k: int) -> tuple[Floats, Floats]:
     Parameters
     ----------
     matrices : Matrices
-        As in :func:`of_matrices`, of one component or several; nothing is held at zero.
+        As in :func:`of_matrices`, of one component or several.
     k : int
         From one to the number of unknowns.
 
     Returns
     -------
     eigenvalues : ndarray of shape (k,), float64
-        In 1/length², ascending, first an exact zero for each component.
+        In 1/length², ascending, first an exact zero for each component of which nothing is held.
     eigenvectors : ndarray of shape (n, k), float64
         Orthonormal in the mass matrix; those of zeros are constant on a component.
 
@@ -279,13 +279,14 @@ def smallest(matrices: Matrices, k: int) -> tuple[Floats, Floats]:
         As in :func:`of_matrices`.
     """
     k = as_count(k)
-    count, numbers = components.components(matrices)
+    _, numbers = components.components(matrices)
     n = len(numbers)
     if not 1 <= k <= n:
         raise ValueError(f"k must be from 1 to {n}, the number of vertices, got {k}")
-    areas = np.bincount(numbers, weights=matrices.lumped)
-    constants = (numbers[:, None] == np.arange(count)) / np.sqrt(areas)
-    if k <= count:
+    unheld = np.flatnonzero(components.unheld(matrices, numbers))
+    areas = np.bincount(numbers, weights=matrices.lumped)[unheld]
+    constants = (numbers[:, None] == unheld) / np.sqrt(areas)
+    if k <= (count := len(unheld)):
         return np.zeros(k), constants[:, :k]
     spectrum = of_matrices(matrices, k - count)
     values = np.concatenate([np.zeros(count), spectrum.eigenvalues])

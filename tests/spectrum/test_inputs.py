@@ -233,6 +233,34 @@ def test_spectra_of_many_are_those_of_each(workers):
     assert results[1].eigenvalues == pytest.approx(results[0].eigenvalues / 4)
     with pytest.raises(ValueError, match="workers must be at least 1"):
         next(spectra([SPHERE], workers=0))
+    with pytest.raises(ValueError, match="workers must be an integer, got '2'"):
+        next(spectra([SPHERE], workers="2"))
+
+
+SOUP = V[F.ravel()], np.arange(F.size).reshape(-1, 3)  # a component of each triangle
+
+
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_warning_of_one_of_many_says_of_which_and_where_it_was_asked_for(workers):
+    meshes = [SPHERE, SOUP, SPHERE, SOUP]
+    with pytest.warns(UserWarning, match="no two of the") as caught:
+        assert len(list(spectra(meshes, k=2, workers=workers))) == 4
+    ends = [str(warning.message).rpartition("(")[2] for warning in caught]
+    assert ends == ["of mesh 1, counted from 0)", "of mesh 3, counted from 0)"]
+    assert {warning.filename for warning in caught} == {__file__}
+    found = spectra(meshes, k=2, workers=workers)
+    assert len(next(found).eigenvalues) == 2
+    with pytest.raises(UserWarning, match=r"no two of the .* \(of mesh 1"):  # here they are errors
+        next(found)
+
+
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_an_error_after_a_warning_has_both(workers):
+    with pytest.raises(ValueError, match="k must be between") as caught:
+        next(spectra([SOUP], k=10**6, workers=workers))
+    warned, which = caught.value.__notes__
+    assert warned.startswith("after a warning: no two of the")
+    assert which == "of mesh 0, counted from 0"
 
 
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])

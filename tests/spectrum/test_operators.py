@@ -15,6 +15,7 @@ from synthnet.families.atlas import Atlas
 from synthnet.families.elements import assemble as assemble_on_atlas
 from synthnet.spectrum import Operator, components
 from synthnet.spectrum.operators import MASSES, as_sparse, discretise
+from synthnet.spectrum.solve import smallest
 from synthnet.types import Mesh
 from tests.spectrum.meshes import dense, side_by_side, sphere
 
@@ -150,6 +151,18 @@ def test_a_component_that_is_not_held_keeps_its_zero():
     assert result.components == 2
     np.testing.assert_allclose(result.eigenvalues, values[1:11], rtol=1e-8)
     assert result.certificate.count == np.count_nonzero(values < result.certificate.shift)
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_the_smallest_have_a_zero_only_of_what_is_not_held(several):
+    mesh, operator = square(4), Operator("dirichlet")
+    mesh = side_by_side(mesh, sphere(12)) if several else mesh
+    matrices = discretise(mesh, operator).matrices
+    values, vectors = smallest(matrices, 8)
+    np.testing.assert_allclose(values, dense(mesh, operator)[:8], rtol=1e-8, atol=1e-10)
+    assert np.count_nonzero(values == 0) == int(several)
+    mass = as_sparse(matrices)[1]
+    np.testing.assert_allclose(vectors.T @ (mass @ vectors), np.eye(8), atol=1e-8)
 
 
 @pytest.mark.parametrize(("elements", "mass"), CHOICES)
