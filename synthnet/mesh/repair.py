@@ -54,6 +54,7 @@ from synthnet.types import Mesh, Vertices
 NEAR = 1e-7  # of the diagonal of the bounding box: a float32 has 6e-8 of its size
 DIAGONALS = (1e-30, 1e30)  # of the bounding box: of these float32 can store the smallest parts
 COLLAPSED = 0.25  # of the faces; scans and CAD have some slivers that merging takes away
+FAR = 10  # times smaller is a mesh without its farthest vertex, if that is far away
 # A factor has about 8 n log2(n) entries (A. George, SIAM J. Numer. Anal. 10, 1973): 2.7 GB here
 MOST_VERTICES = 2_000_000
 MOST_FACES = 4_000_000  # a closed surface has twice as many as vertices
@@ -162,7 +163,7 @@ def repair(mesh: Mesh, rules: Rules | None = None) -> Repaired:
     ({'merged vertices': 2}, 4)
     """
     rules = rules or Rules()
-    state = in_order(told_apart(mesh, rules), (not_flat, manifold_edges))
+    state = in_order(told_apart(mesh, rules), (not_flat, partial(manifold_edges, rules=rules)))
     state = without_pinches(state, split="pinches" not in rules.without)
     state = replace(state, components=int(face_components(state.mesh.faces).max()) + 1)
     turned = oriented(state)
@@ -320,7 +321,7 @@ def merged(state: Repaired, *, alone: bool = False) -> Repaired:
         part = _parts(corners, joined)
         before, parts = parts, int(part.max()) + 1
         if parts == before or not alone:
-            raise _too_many_collapsed(state.mesh, gone, parts, alone=alone)
+            raise _too_many_collapsed(state.mesh, gone, part, alone=alone)
         joined = _near_in_parts(vertices[used], part)
     keep = np.full(joined.max() + 1, len(used))
     np.minimum.at(keep, joined, np.arange(len(used)))
@@ -344,10 +345,20 @@ def _parts(corners: Int64s, joined: Int64s) -> Int64s:
     return connected(n + int(joined.max()) + 1, tails, heads)[:n]
 
 
-def _too_many_collapsed(mesh: Mesh, gone: int, parts: int, *, alone: bool) -> Refused:
-    """Return that merging collapses too many faces, with the cause and what helps."""
+def _too_many_collapsed(mesh: Mesh, gone: int, part: Int64s, *, alone: bool) -> Refused:
+    """Return that merging collapses too many faces, with the cause and what helps.
+
+    ``part`` is that of each vertex with a face.
+    """
+    parts = int(part.max()) + 1
     distance = f"{NEAR * _diagonal(mesh):.2g}, {NEAR:g} of the diagonal"
-    cause = "is a vertex far away?"
+    if _has_far_vertex(mesh.vertices[np.unique(mesh.faces)], part):
+        cause = "is a vertex far away?"
+    else:
+        cause = (
+            "the mesh is too thin or too fine for that: take it without repair (repair=False, "
+            "--no-repair), or `synthnet import --without merge`"
+        )
     if parts > 1 and alone:
         distance = f"{NEAR:g} of the diagonal of their part"
     elif parts > 1:
@@ -358,6 +369,16 @@ def _too_many_collapsed(mesh: Mesh, gone: int, parts: int, *, alone: bool) -> Re
     return Refused(
         "extent", f"{gone:,} of {len(mesh.faces):,} faces are smaller than {distance}: {cause}"
     )
+
+
+def _has_far_vertex(points: Vertices, part: Int64s) -> bool:
+    """Return whether a part is smaller than a :data:`FAR`-th without the vertex farthest out."""
+    counts = np.bincount(part)
+    middle = np.stack([np.bincount(part, x) for x in points.T], axis=1) / counts[:, None]
+    order = np.lexsort((np.linalg.norm(points - middle[part], axis=1), part))
+    rest = np.delete(order, np.cumsum(counts) - 1)
+    without = _boxes(points[rest], part[rest], len(counts))[1]
+    return bool((FAR * without < _boxes(points, part, len(counts))[1]).any())
 
 
 def not_too_large(state: Repaired) -> Repaired:
@@ -402,16 +423,21 @@ def not_flat(state: Repaired) -> Repaired:
     return state
 
 
-def manifold_edges(state: Repaired) -> Repaired:
-    """Refuse edges of more than two faces."""
+def manifold_edges(state: Repaired, rules: Rules) -> Repaired:
+    """Refuse edges of more than two faces, with the cause and what helps."""
     bad = int(np.count_nonzero(MeshFacts(state.mesh).edge_valences > 2))
-    if bad:
-        raise Refused(
-            "non_manifold_edge",
-            f"{counted(bad, 'edge has', 'edges have')} more than two faces, not clearly in pairs: "
-            "`synthnet import --cut-fins` may cut them",
-        )
-    return state
+    if not bad:
+        return state
+    if "cut" in rules.without:
+        cause = "which are not to be cut (--without cut)"
+    elif not rules.cut_fins and has_manifold_edges(cut(state, fins=True).mesh):
+        cause = "not clearly in pairs: `synthnet import --cut-fins` may cut them"
+    elif cutting.without_edges_of_many(state.mesh, loose=rules.cut_fins)[1]:  # once more
+        cause = "in pairs that are joined at both ends of their edge: subdivide the mesh there"
+    else:
+        cause = "not clearly in pairs: remove faces until each edge has two at most"
+    many = counted(bad, "edge has", "edges have")
+    raise Refused("non_manifold_edge", f"{many} more than two faces, {cause}")
 
 
 def without_caps(state: Repaired) -> Repaired:
@@ -514,12 +540,17 @@ def _repeated(faces: NDArray[np.integer]) -> Booleans:
 
 def _near_in_parts(points: Vertices, part: Int64s) -> Int64s:
     """Return :func:`_near` by :data:`NEAR` of the diagonal of each point's part, (n,)."""
-    least, most = np.full((2, part.max() + 1, 3), [[[np.inf]], [[-np.inf]]])
-    np.minimum.at(least, part, points)
-    np.maximum.at(most, part, points)
-    diagonals = np.linalg.norm(most - least, axis=1)
+    least, diagonals = _boxes(points, part, int(part.max()) + 1)
     diagonals[diagonals == 0] = 1.0  # of a part whose vertices are all in one point
     return _near((points - least[part]) / diagonals[part, None], NEAR, part)
+
+
+def _boxes(points: Vertices, part: Int64s, parts: int) -> tuple[Floats, Floats]:
+    """Return the lowest corner, (p, 3), and the diagonal, (p,), of each part's bounding box."""
+    least, most = np.full((2, parts, 3), [[[np.inf]], [[-np.inf]]])
+    np.minimum.at(least, part, points)
+    np.maximum.at(most, part, points)
+    return least, np.linalg.norm(most - least, axis=1)
 
 
 def _near(points: Vertices, distance: float, part: Int64s | None = None) -> Int64s:

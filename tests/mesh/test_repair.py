@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import trimesh
 
 from synthnet import recipe
 from synthnet.families import FAMILIES, PRIMITIVES
@@ -248,6 +249,19 @@ def test_a_vertex_far_from_its_own_part_is_refused_whatever_is_kept(parts, whose
         done(vertices, faces, components="largest")
 
 
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        trimesh.creation.box((1, 1, 1e-8)),
+        trimesh.creation.cylinder(1e-7, 1, sections=8),
+    ],
+)
+def test_a_thin_mesh_is_not_said_to_have_a_vertex_far_away(mesh):
+    with pytest.raises(repair.Refused, match=r"too thin or too fine for that: .* --without merge"):
+        done(mesh.vertices, mesh.faces)
+    assert len(done(mesh.vertices, mesh.faces, without=("merge",)).mesh.faces) == len(mesh.faces)
+
+
 def test_parts_of_parts_are_measured_by_themselves():
     """Two cubes near each other, and two more far away, all as soup: three rounds of merging."""
     size = 1e-9
@@ -332,22 +346,63 @@ def test_cubes_with_a_common_edge_are_two_surfaces(shared, orientation):
     assert refused(vertices, faces, without=without) == "non_manifold_edge"
 
 
-def test_a_solid_that_touches_itself_is_cut_there():
-    """Five cubes about a corner, the first and the last with a common edge: one component."""
-    cells = np.array([(0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (1, 1, 0)])
-    corners = (CUBE + cells[:, None]).reshape(-1, 3)
+def voxels(cells):
+    """The surface of unit cubes, whose corners are shared."""
+    corners = (CUBE + np.array(cells)[:, None]).reshape(-1, 3)
     vertices, number = np.unique(corners, axis=0, return_inverse=True)
-    every = number.ravel()[FACES + 8 * np.arange(5)[:, None, None]].reshape(-1, 3)
+    every = number.ravel()[FACES + 8 * np.arange(len(cells))[:, None, None]].reshape(-1, 3)
     _, wall, count = np.unique(
         np.sort(every, axis=1), axis=0, return_inverse=True, return_counts=True
     )
-    faces = every[count[wall.ravel()] == 1]  # not those between two cubes
+    return vertices, every[count[wall.ravel()] == 1]  # not those between two cubes
+
+
+def test_a_solid_that_touches_itself_is_cut_there():
+    """Five cubes about a corner, the first and the last with a common edge: one component."""
+    cells = [(0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (1, 1, 0)]
+    vertices, faces = voxels(cells)
     assert (MeshFacts(Mesh(vertices, faces)).edge_valences > 2).sum() == 1
     repaired = done(vertices, faces)
     assert repaired.repairs["cut edges"] == 1
     facts = MeshFacts(repaired.mesh)
     assert (facts.is_closed, facts.n_components, facts.euler_characteristic) == (True, 1, 2)
     assert volume(repaired.mesh) == pytest.approx(5)
+
+
+def test_sheets_that_stay_joined_at_both_ends_of_an_edge_are_named_and_subdividing_parts_them():
+    """Two columns beside each other with a common edge, joined by cubes at both its ends."""
+    columns = [(0, 1, 0), (0, 1, 1), (0, 1, 2), (1, 0, 0), (1, 0, 1), (1, 0, 2)]
+    vertices, faces = voxels([*columns, (1, 1, 0), (1, 1, 2)])
+    for fins in (False, True):
+        with pytest.raises(repair.Refused) as error:
+            done(vertices, faces, cut_fins=fins)
+        assert error.value.detail == (
+            "1 edge has more than two faces, in pairs that are joined at both ends of their edge: "
+            "subdivide the mesh there"
+        )
+    finer = done(*trimesh.remesh.subdivide(vertices, faces))
+    assert finer.repairs["cut edges"] == 2
+    assert MeshFacts(finer.mesh).is_closed
+    assert volume(finer.mesh) == pytest.approx(8)
+
+
+FIN = [*FACES.tolist(), [4, 7, 8]]
+LEAVES = [[0, 1, 2], [0, 1, 3], [0, 1, 4], [1, 2, 3], [0, 3, 4]]  # three, joined elsewhere
+
+
+@pytest.mark.parametrize(
+    ("faces", "options", "cause"),
+    [
+        (FIN, {}, "not clearly in pairs: `synthnet import --cut-fins` may cut them"),
+        (FIN, {"without": ("cut",)}, "which are not to be cut (--without cut)"),
+        (LEAVES, {}, "not clearly in pairs: remove faces until each edge has two at most"),
+        (LEAVES, {"cut_fins": True}, "not clearly in pairs: remove faces until each edge has two"),
+    ],
+)
+def test_to_cut_fins_is_advised_only_where_it_helps(faces, options, cause):
+    with pytest.raises(repair.Refused) as error:
+        done([*CUBE, [0.5, 0.5, 2]], faces, **options)
+    assert error.value.detail.startswith(f"1 edge has more than two faces, {cause}")
 
 
 def test_a_fin_is_cut_off_only_if_asked():
