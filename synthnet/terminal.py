@@ -3,11 +3,12 @@
 import argparse
 import io
 import json
+import math
 import os
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
@@ -228,8 +229,17 @@ def in_words(error: Exception) -> str:
 
 
 def print_json(value: Any) -> None:
-    """Print a value as the commands' ``--json`` does."""
-    sys.stdout.write(json.dumps(value, indent=1) + "\n")
+    """Print a value as the commands' ``--json`` does; a number that is not finite is null."""
+    sys.stdout.write(json.dumps(_without_infinities(value), indent=1, allow_nan=False) + "\n")
+
+
+def _without_infinities(value: Any) -> Any:
+    """Return a value with None for numbers that are not finite, which JSON does not have."""
+    if isinstance(value, Mapping):
+        return {key: _without_infinities(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_infinities(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def print_answer(options: argparse.Namespace, value: Any, text: str) -> None:

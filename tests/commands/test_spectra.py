@@ -109,6 +109,16 @@ def test_answers_name_their_operator(run, printed, files, tmp_path):
     assert judged["operator"] == expected
 
 
+def test_an_infinite_bound_is_null_in_json(run, tmp_path):
+    thin = "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1e-10 0\n0 1e-10 0\n3 0 1 2\n3 0 2 3\n"
+    (tmp_path / "thin.off").write_text(thin)
+    options = ["-k", 2, "--elements", "delaunay", "--no-repair", "--json"]
+    code, printed, _ = run("spectrum", tmp_path / "thin.off", *options)
+    assert code == 0
+    (facts,) = json.loads(printed, parse_constant=pytest.fail)  # Infinity is none of JSON's
+    assert facts["error_bound"] == [None, None]
+
+
 def test_an_answer_is_judged(run, files, tmp_path):
     values = compute(trimesh.load(files[0]), 8).eigenvalues
     answer = tmp_path / "answer.csv"
