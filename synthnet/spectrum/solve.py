@@ -9,6 +9,7 @@ from scipy import linalg
 
 from synthnet.arrays import Floats, Int32s
 from synthnet.errors import SpectrumError
+from synthnet.mesh.geometry import MeshFacts
 from synthnet.mesh.repair import Repaired
 from synthnet.processes import keep_freed_memory
 from synthnet.spectrum import components, rounding
@@ -41,6 +42,7 @@ from synthnet.types import Certificate, Mesh, Spectrum
 DENSE, DENSE_FOR, DENSE_AT_MOST = 64, 6, 1500
 NEARLY_ALL = 0.95  # of the rows
 ROUGH = 1e-2  # of an eigenvalue: where rounding may have moved it by more, two digits are left
+THIN = 1e-6  # altitude / longest edge: of such triangles, rounding is what a search fails by
 UNMOVED = 1e-6  # relative: a shift that rounding moves by no more is counted at once
 # What helps where rounding has spoilt an eigenvalue, and what does where that has been done.
 SHARP = "sharp=True computes it from the energies of triangles"
@@ -191,7 +193,14 @@ def _of_discrete(
     mesh: Mesh, discrete: Discrete, k: int, operator: Operator, *, sharp: bool
 ) -> Spectrum:
     unknowns = "unknowns" if operator.on_edges else "vertices"
-    candidate, certificate, numbers = _solved(discrete.matrices, k, unknowns)
+    try:
+        candidate, certificate, numbers = _solved(discrete.matrices, k, unknowns)
+    except SpectrumError as error:
+        thinnest = float(MeshFacts(mesh).relative_altitudes.min())
+        if not thinnest < THIN:
+            raise
+        cause = f"some triangles are too thin, with an altitude {thinnest:.2g} of the longest edge"
+        raise type(error)(f"{error}: {cause}: remesh") from error
     vectors = None
     if operator.elements == "linear":
         values, bounds, vectors = rounding.sharpened(

@@ -305,6 +305,12 @@ def test_lanczos_that_does_not_converge_is_a_spectrum_error(monkeypatch):
         spectrum.compute(sphere(10))
 
 
+@pytest.mark.parametrize("height", [1e-8, 1e-9])
+def test_a_search_that_fails_by_thin_triangles_says_so(height):
+    with pytest.raises(SpectrumError, match=r": some triangles are too thin, .* edge: remesh$"):
+        spectrum.compute(meshes.rectangle(39, 3, height=height), 3)
+
+
 def test_a_residual_that_rounding_keeps_from_falling_is_accepted_up_to_a_limit(monkeypatch):
     expected = spectrum.compute(sphere(10))
     for excused in (1e-12, 2e-14):  # rounding ends at some 5e-14
