@@ -96,6 +96,15 @@ def split(matrices: Matrices, numbers: Int32s) -> Iterator[Component]:
         yield Component(order[low:high], block, find_ordering(block.indptr, block.indices))
 
 
+def above_all(matrices: Matrices) -> float:
+    """Return a shift above all eigenvalues, by far, in 1/length².
+
+    None is above the largest sum of a row of M⁻¹A over c, because B ≥ cM.
+    """
+    sums = np.add.reduceat(np.abs(matrices.stiffness), matrices.indptr[:-1])
+    return 2 * float((sums / matrices.lumped).max()) / matrices.least
+
+
 def count_and_shift_error(block: Component, shift: float, most: float) -> tuple[int, float]:
     """Return a component's eigenvalues below a shift, and how far rounding moved it, in 1/length².
 

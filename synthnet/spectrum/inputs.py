@@ -101,6 +101,22 @@ def as_count(count: Any, name: str = "k") -> int:
     return int(count)
 
 
+def as_number(number: Any, name: str) -> float:
+    """Return one real number, of Python, NumPy or PyTorch, as Python's.
+
+    Raises
+    ------
+    ValueError
+        If it is anything else, a list of numbers too.
+    """
+    value = as_array(number)
+    if value.ndim or value.dtype.kind not in "fiu":
+        raise ValueError(
+            f"{name} must be one real number, got shape {value.shape} of {value.dtype}"
+        )
+    return float(value)
+
+
 def check(mesh: Mesh) -> None:
     """Check that a mesh has triangles, and coordinates whose areas have squares.
 

@@ -22,7 +22,7 @@ from synthnet.spectrum.certificate import (
     near_zero,
 )
 from synthnet.spectrum.fem import Matrices
-from synthnet.spectrum.inputs import as_count, as_mesh, repaired
+from synthnet.spectrum.inputs import as_count, as_mesh, as_number, repaired
 from synthnet.spectrum.operators import (
     PLAIN,
     Discrete,
@@ -321,7 +321,7 @@ def count_below(mesh: Any, *shifts: float, operator: Operator = PLAIN) -> list[i
     Raises
     ------
     ValueError
-        See :func:`compute`; if a shift is not finite.
+        See :func:`compute`; if a shift is no finite number.
     SpectrumError
         If a shift is so close to an eigenvalue that a pivot is zero, or if rounding on thin
         triangles moves it past eigenvalues.
@@ -333,21 +333,24 @@ def count_below(mesh: Any, *shifts: float, operator: Operator = PLAIN) -> list[i
     >>> count_below(sphere, 1.0, 4.0, 9.0)  # of 0, then 2 three times, then 6 five times
     [1, 4, 9]
     """
-    if not np.isfinite(shifts).all():
+    numbers = [as_number(shift, "a shift") for shift in shifts]
+    if not np.isfinite(numbers).all():
         raise ValueError(
-            f"shifts must be finite, got {', '.join(f'{shift:g}' for shift in shifts)}"
+            f"shifts must be finite, got {', '.join(f'{shift:g}' for shift in numbers)}"
         )
     mesh = as_mesh(mesh)
     matrices = discretise(mesh, operator).matrices
     warn_of_sheets(mesh, operator.elements, stacklevel=3)
     blocks = list(components.split(matrices, components.components(matrices)[1]))
-    return [sum(_count_in_component(block, shift) for block in blocks) for shift in shifts]
+    return [sum(_count_in_component(block, shift) for block in blocks) for shift in numbers]
 
 
 def _count_in_component(block: components.Component, shift: float) -> int:
     """Count a component's eigenvalues below a shift; beside it too where rounding moves it far."""
     if shift <= 0:  # none is negative
         return 0
+    if shift > components.above_all(block.matrices):
+        return len(block.matrices.lumped)
     count, moved = components.count_and_shift_error(block, shift, UNMOVED * shift)
     if moved <= UNMOVED * shift:
         return count

@@ -20,9 +20,15 @@ from numpy.typing import ArrayLike
 from synthnet.arrays import Floats, Int64s, as_array
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
-from synthnet.spectrum.components import Component, components, count_and_shift_error, split
+from synthnet.spectrum.components import (
+    Component,
+    above_all,
+    components,
+    count_and_shift_error,
+    split,
+)
 from synthnet.spectrum.fem import Matrices
-from synthnet.spectrum.inputs import as_mesh, repaired
+from synthnet.spectrum.inputs import as_mesh, as_number, repaired
 from synthnet.spectrum.operators import PLAIN, Discrete, Operator, check_operator, discretise
 from synthnet.spectrum.sheets import warn_of_sheets
 from synthnet.spectrum.solve import unwarned
@@ -159,7 +165,8 @@ def certify(
     ------
     ValueError
         If it is no mesh, the answer is empty, not finite, negative or longer than the spectrum; if
-        eigenvectors are given for quadratic or curved elements.
+        the tolerance is no number from 0 to a half; if eigenvectors are given for quadratic or
+        curved elements.
     Refused
         If it is to be repaired, and is no surface by a rule of :mod:`synthnet.mesh.repair`.
 
@@ -180,7 +187,7 @@ def certify(
         mended = repaired(mesh)
         mesh, repairs = mended.mesh, mended.repairs
         operator.check_repairs(repairs)
-    mesh = as_mesh(mesh)
+    mesh, tolerance = as_mesh(mesh), as_number(tolerance, "tolerance")
     if not 0 < tolerance <= LOOSEST:
         raise ValueError(f"tolerance must be above 0 and at most {LOOSEST}, got {tolerance:g}")
     discrete = discretise(mesh, operator)
@@ -234,9 +241,7 @@ class _Counter:
         self._lows, self._highs = np.empty(0), np.empty(0)
         self._up_to = np.empty(0, dtype=np.int64)
         self._complete = 0.0  # below this there are no others
-        # No eigenvalue is above the largest sum of a row of M⁻¹A over c, because B ≥ cM
-        sums = np.add.reduceat(np.abs(matrices.stiffness), matrices.indptr[:-1])
-        self._beyond = 2 * float((sums / matrices.lumped).max()) / matrices.least
+        self._beyond = above_all(matrices)
 
     @property
     def factorisations(self) -> int:

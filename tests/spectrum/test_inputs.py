@@ -146,6 +146,29 @@ def test_a_shift_that_is_not_finite_is_one_line(shift):
         count_below(SPHERE, 1.0, shift)
 
 
+@pytest.mark.parametrize(
+    ("shift", "got"),
+    [
+        ([1, 4], r"shape \(2,\) of int64"),
+        (np.array([1.0, 40.0]), r"shape \(2,\) of float64"),
+        ("a", r"shape \(\) of <U1"),
+        (1j, r"shape \(\) of complex128"),
+        (True, r"shape \(\) of bool"),
+        (None, r"shape \(\) of object"),
+    ],
+)
+def test_a_shift_or_tolerance_is_one_real_number_or_one_line(shift, got):
+    with pytest.raises(ValueError, match=f"^a shift must be one real number, got {got}$"):
+        count_below(SPHERE, 1.0, shift)
+    with pytest.raises(ValueError, match=f"^tolerance must be one real number, got {got}$"):
+        certify(SPHERE, [2.0], tolerance=shift)
+
+
+def test_all_eigenvalues_are_below_a_shift_of_any_size():
+    n = len(SPHERE.vertices)
+    assert count_below(SPHERE, 1e7, 1e200, np.float32(1e30), 10**12) == [n] * 4
+
+
 def compiled():
     """Return the types of arguments for which each kernel of the solver was compiled or loaded."""
     modules = {name: module for name, module in sys.modules.items() if "synthnet.spectrum" in name}
