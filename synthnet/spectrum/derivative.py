@@ -6,6 +6,8 @@ from synthnet.arrays import Floats, Int64s
 from synthnet.mesh.geometry import corner_edges
 from synthnet.types import Mesh, Spectrum
 
+UNIT = 1e-6  # most that φᵀBφ of an eigenvector may differ from 1
+
 
 def clusters(eigenvalues: Floats, tolerance: float) -> Int64s:
     """Number the clusters: neighbours with a relative gap of at most the tolerance are in one.
@@ -52,7 +54,8 @@ def vertex_gradient(mesh: Mesh, spectrum: Spectrum, weights: Floats) -> Floats:
     mesh : Mesh
         Its vertices are taken as float64.
     spectrum : Spectrum
-        k eigenpairs of this mesh, Neumann on a boundary, by :func:`synthnet.spectrum.compute`.
+        k eigenpairs of this mesh by :func:`synthnet.spectrum.compute`: linear elements, consistent
+        mass, Neumann on a boundary.
     weights : ndarray of shape (k,), float64
         Factor of each eigenvalue in the sum.
 
@@ -61,6 +64,12 @@ def vertex_gradient(mesh: Mesh, spectrum: Spectrum, weights: Floats) -> Floats:
     ndarray of shape (n, 3), float64
         In 1/length³ for weights without a unit.
 
+    Raises
+    ------
+    ValueError
+        If :math:`\varphi^T B \varphi` is not 1 for an eigenvector with a weight: it is of another
+        operator, such as one of lumped mass, or of another mesh.
+
     References
     ----------
     J. R. Magnus, "On differentiating eigenvalues and eigenvectors", Econometric Theory 1 (1985).
@@ -68,6 +77,14 @@ def vertex_gradient(mesh: Mesh, spectrum: Spectrum, weights: Floats) -> Floats:
     edges = corner_edges(mesh)
     normals = np.cross(edges[:, 0], edges[:, 1])
     doubled = np.linalg.norm(normals, axis=1)[:, None, None]  # twice each area
+    for i in np.flatnonzero(weights).tolist():
+        values = spectrum.eigenvectors[mesh.faces, i]
+        sums = np.square(values).sum(axis=1) + np.square(values.sum(axis=1))
+        if not abs((square := doubled.ravel() @ sums / 24) - 1) <= UNIT:
+            raise ValueError(
+                f"eigenvector {i + 1} has a square of {square:.6g} in the consistent mass of this "
+                "mesh, not 1: compute its spectrum by linear elements and consistent mass"
+            )
     stiff = _corner_products(mesh, spectrum, weights)
     heavy = _corner_products(mesh, spectrum, weights * spectrum.eigenvalues)
     flows = stiff @ edges  # the sum of f_i g over the pairs

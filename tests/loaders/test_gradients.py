@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from synthnet.spectrum import compute
-from synthnet.spectrum.derivative import clusters
+from synthnet.spectrum import Operator, compute
+from synthnet.spectrum.derivative import clusters, vertex_gradient
 from tests.spectrum.meshes import sphere
 
 torch = pytest.importorskip("torch")
@@ -78,6 +78,18 @@ def test_a_batch_is_its_meshes_and_single_precision_stays():
 def test_clusters_are_neighbours_with_small_gaps():
     assert clusters(np.array([1.0, 1.0 + 1e-6, 2.0]), 1e-5).tolist() == [0, 0, 1]
     assert clusters(np.array([1.0, 1.0 + 1e-4, 2.0]), 1e-5).tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize("mass", ["consistent", "lumped", "mean"])
+def test_only_eigenvectors_of_consistent_mass_have_this_gradient(mass):
+    mesh = sphere(8)
+    found = compute(mesh, 3, operator=Operator(mass=mass))
+    if mass == "consistent":
+        gradient = vertex_gradient(mesh, found, np.ones(3))
+        assert (mesh.vertices * gradient).sum() == pytest.approx(-2 * found.eigenvalues.sum())
+        return
+    with pytest.raises(ValueError, match=r"eigenvector 1 has a square of 0\.\d+ in the consistent"):
+        vertex_gradient(mesh, found, np.ones(3))
 
 
 @pytest.mark.parametrize(
