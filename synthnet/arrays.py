@@ -41,3 +41,22 @@ def as_array(values: Any) -> NDArray[Any]:
         if tensor or "ScalarType" in reason:  # of a list of PyTorch's tensors
             reason += ": give a dense one of float32 or float64"
         raise ValueError(reason) from error
+
+
+def as_reals(values: Any, name: str) -> Floats:
+    """Return an array, list or tensor of real numbers as float64.
+
+    Raises
+    ------
+    ValueError
+        As :func:`as_array`; if they are of another kind, such as complex.
+
+    Examples
+    --------
+    >>> as_reals([1, 2], "times")
+    array([1., 2.])
+    """
+    array = as_array(values)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"{name} must be real numbers, got {array.dtype}")
+    return array.astype(np.float64)

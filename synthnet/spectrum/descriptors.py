@@ -7,8 +7,9 @@ r"""Descriptors of shapes and of points, by their published formulas, from a spe
 import numpy as np
 from numpy.typing import ArrayLike
 
-from synthnet.arrays import Floats, as_array
+from synthnet.arrays import Floats, as_reals
 from synthnet.errors import suggestion
+from synthnet.spectrum.inputs import as_count, as_number
 from synthnet.types import Spectrum
 
 NORMALISATIONS = ("none", "area", "volume", "first")
@@ -112,7 +113,8 @@ def heat_trace(
     Raises
     ------
     ValueError
-        If a time is not positive, or an eigenvalue is zero, negative or not finite.
+        If a time is not positive, an eigenvalue is zero, negative or not finite, or the components
+        are no count.
 
     References
     ----------
@@ -125,7 +127,9 @@ def heat_trace(
     array([2.1036, 1.406 ])
     """
     values = _eigenvalues(spectrum)
-    zeros = _zeros(spectrum) if components is None else components
+    zeros = _zeros(spectrum) if components is None else as_count(components, "components")
+    if zeros < 0:
+        raise ValueError(f"components must be at least 0, got {zeros}")
     decayed: Floats = np.exp(-_positive("times", times)[..., None] * values)
     return zeros + np.asarray(decayed.sum(axis=-1), dtype=np.float64)
 
@@ -155,7 +159,8 @@ def heat_kernel_signature(
     Raises
     ------
     ValueError
-        If there are no eigenvectors, a time or the area is not positive, or an area is given where
+        If there are no eigenvectors, times are no list of positive numbers, the area is not
+        positive, or an area is given where
         the zeros' terms differ: on a mesh of several components, or where some of it is held.
 
     References
@@ -166,7 +171,10 @@ def heat_kernel_signature(
     values, squares = _pairs(spectrum)
     if times is None:
         times = np.geomspace(4 * np.log(10) / values[-1], 4 * np.log(10) / values[0], STEPS)
-    signature: Floats = squares @ np.exp(-values[:, None] * _positive("times", times)[None])
+    moments = _positive("times", times)
+    if moments.ndim != 1:
+        raise ValueError(f"times must be of shape (c,), got {moments.shape}")
+    signature: Floats = squares @ np.exp(-values[:, None] * moments[None])
     if area is None:
         return signature
     constant = 1 / _measure("area", area)
@@ -209,8 +217,9 @@ def wave_kernel_signature(
     Raises
     ------
     ValueError
-        If there are no eigenvectors, an energy is not finite, sigma is not positive, or the default
-        leaves no room: all eigenvalues agree, or sigma is too large for the range.
+        If there are no eigenvectors, an energy is not finite, sigma is not positive, or so small or
+        large that weights have no float64, or the default leaves no room: all eigenvalues agree, or
+        sigma is too large for the range.
 
     References
     ----------
@@ -221,8 +230,13 @@ def wave_kernel_signature(
     logs = np.log(values)
     if sigma is None:
         sigma = WIDTH * float(logs[-1] - logs[0]) / STEPS
-    if not 0 < sigma < np.inf:
-        raise ValueError(f"sigma must be positive, got {sigma}: pass a width, or more eigenpairs")
+    sigma = as_number(sigma, "sigma")
+    doubled = 2 * (sigma * sigma)
+    if not (sigma > 0 and 0 < doubled < np.inf):
+        raise ValueError(
+            f"sigma must be positive, with a square that is a float64, got {sigma:g}: "
+            "pass a width, or more eigenpairs"
+        )
     if energies is None:
         low, high = logs[0] + 2 * sigma, logs[-1] - 2 * sigma
         if low > high:
@@ -231,10 +245,16 @@ def wave_kernel_signature(
                 f"{values[-1]:.3g}: pass a smaller one, or energies"
             )
         energies = np.linspace(low, high, STEPS)
-    levels = np.asarray(energies, dtype=np.float64)
+    levels = as_reals(energies, "energies")
     if levels.ndim != 1 or not np.isfinite(levels).all():
         raise ValueError("energies must be a list of finite numbers")
-    exponents = -((levels[None] - logs[:, None]) ** 2) / (2 * sigma**2)
+    with np.errstate(over="ignore"):  # of an infinite one the weight is zero
+        exponents = -((levels[None] - logs[:, None]) ** 2) / doubled
+    if not np.isfinite(exponents.max(axis=0)).all():
+        raise ValueError(
+            f"sigma {sigma:.3g} is too small: an energy is so far from all log λ that every weight "
+            "is zero: pass a larger one"
+        )
     weights = np.exp(exponents - exponents.max(axis=0))  # a common factor cancels
     signature: Floats = squares @ (weights / weights.sum(axis=0))
     return signature
@@ -242,7 +262,7 @@ def wave_kernel_signature(
 
 def _eigenvalues(spectrum: Spectrum | ArrayLike) -> Floats:
     given = spectrum.eigenvalues if isinstance(spectrum, Spectrum) else spectrum
-    values = as_array(given).astype(np.float64)
+    values = as_reals(given, "eigenvalues")
     if values.ndim != 1 or not values.size or not np.isfinite(values).all():
         raise ValueError(f"eigenvalues must be finite, of shape (k,), got shape {values.shape}")
     if (np.diff(values) < 0).any():
@@ -281,7 +301,7 @@ def _measure(name: str, value: float | None) -> float:
 
 
 def _positive(name: str, values: ArrayLike) -> Floats:
-    numbers = np.asarray(values, dtype=np.float64)
+    numbers = as_reals(values, name)
     if not ((numbers > 0) & np.isfinite(numbers)).all():
         raise ValueError(f"{name} must be positive and finite")
     return numbers

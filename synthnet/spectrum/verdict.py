@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from synthnet.arrays import Floats, Int64s, as_array
+from synthnet.arrays import Floats, Int64s, as_array, as_reals
 from synthnet.errors import SpectrumError
 from synthnet.spectrum import fem
 from synthnet.spectrum.components import (
@@ -165,7 +165,7 @@ def certify(
     ------
     ValueError
         If it is no mesh, the answer is empty, not finite, negative or longer than the spectrum; if
-        the tolerance is no number from 0 to a half; if eigenvectors are given for quadratic or
+        the tolerance is not above 0 and at most a half; if eigenvectors are given for quadratic or
         curved elements.
     Refused
         If it is to be repaired, and is no surface by a rule of :mod:`synthnet.mesh.repair`.
@@ -463,7 +463,7 @@ def _zeros_given(values: Floats, counter: _Counter) -> int:
 
 def _vectors(given: ArrayLike, discrete: Discrete, order: Int64s, count: int) -> Floats:
     """Return the eigenvectors after the zeros as rows, at the vertices that are free."""
-    vectors = as_array(given).astype(np.float64)
+    vectors = as_reals(given, "eigenvectors")
     shape = (discrete.vertices, count)
     if vectors.shape != shape or not np.isfinite(vectors).all():
         raise ValueError(f"eigenvectors must be finite, of shape {shape}, got {vectors.shape}")

@@ -163,6 +163,24 @@ def test_default_times_and_energies_are_the_papers():
         (lambda: wave_kernel_signature(FOUND, sigma=9.0), "sigma 9 is too large"),
         (lambda: wave_kernel_signature(FOUND, [np.inf]), "energies must be a list of finite"),
         (lambda: wave_kernel_signature(compute(SPHERE, 1)), "sigma must be positive"),
+        (lambda: wave_kernel_signature(FOUND, sigma=-1.0), "sigma must be positive"),
+        (
+            lambda: wave_kernel_signature(FOUND, sigma=1e-170),
+            "is a float64, got 1e-170",
+        ),
+        (lambda: wave_kernel_signature(FOUND, sigma=1e-160), "sigma 1e-160 is too small"),
+        (lambda: wave_kernel_signature(FOUND, [1e200], sigma=1.0), "sigma 1 is too small"),
+        (lambda: wave_kernel_signature(FOUND, [0.0], sigma=1e200), r"float64, got 1e\+200"),
+        (lambda: wave_kernel_signature(FOUND, sigma="a"), "sigma must be one real number"),
+        (lambda: wave_kernel_signature(FOUND, [1j]), "energies must be real numbers"),
+        (
+            lambda: heat_trace([1.0, 2.0], 1.0, components=-1),
+            "components must be at least 0, got -1",
+        ),
+        (lambda: heat_trace([1.0], 1.0, components=0.5), "components must be an integer, got 0.5"),
+        (lambda: heat_trace([1.0], [1j]), "times must be real numbers, got complex128"),
+        (lambda: heat_kernel_signature(FOUND, [[1.0, 2.0]]), r"times must be of shape \(c,\)"),
+        (lambda: shape_dna(np.array([1.0 + 1j])), "eigenvalues must be real numbers, got complex"),
     ],
 )
 def test_bad_input_is_one_line(call, message):

@@ -231,6 +231,13 @@ def test_what_is_no_answer_is_one_line(answer, message):
         certify(SHAPES["sphere"], answer)
 
 
+def test_complex_eigenvectors_are_one_line():
+    mesh = SHAPES["sphere"]
+    found = compute(mesh, 3)
+    with pytest.raises(ValueError, match="eigenvectors must be real numbers, got complex128"):
+        certify(mesh, found.eigenvalues, found.eigenvectors * 1j)
+
+
 def test_a_mesh_is_repaired_where_that_is_asked_for():
     mesh = SHAPES["sphere"]
     loose = Mesh(np.vstack([mesh.vertices, [[9.0, 9, 9]]]), mesh.faces)
