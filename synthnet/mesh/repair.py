@@ -356,8 +356,8 @@ def _too_many_collapsed(mesh: Mesh, gone: int, part: Int64s, *, alone: bool) -> 
         cause = "is a vertex far away?"
     else:
         cause = (
-            "the mesh is too thin or too fine for that: take it without repair (repair=False, "
-            "--no-repair), or `synthnet import --without merge`"
+            "the mesh is too thin or too fine for that: remesh it, or try it without repair "
+            "(repair=False, --no-repair) or with `synthnet import --without merge`"
         )
     if parts > 1 and alone:
         distance = f"{NEAR:g} of the diagonal of their part"
