@@ -29,7 +29,6 @@ MOST_WEIGHTS = 2**40  # bytes of any file
 MOST_FILES, LONGEST_NAME = 1000, 300  # of a predictor, as result.schema.json has them
 # What the parser raises at code that it does not know, or that is too deep
 UNPARSABLE = (SyntaxError, ValueError, RecursionError, MemoryError)
-READS_ITSELF = re.compile(rb"__doc__|getdoc|getsource|getcomments")  # then docstrings are data
 ELSEWHERE = re.compile(r"\b(__name__|TYPE_CHECKING)\b")  # in a condition: not as it is loaded
 HEAD = 2**16  # bytes of a file that are looked at to see what it is
 # By suffix: whether it is the beginning that tells, else the end, and what stands there
@@ -139,18 +138,15 @@ def _remembered(path: Path, root: Path, changed: int, size: int) -> str:
 def digest(path: Path, below: Path | None = None) -> str:
     """Return the digest of a file, 64 hexadecimal digits.
 
-    A Python file that does not parse, is no code by its size, or reads its docstrings counts by its
-    bytes, like any other file. ``below`` is as of :func:`eigbench.outside.opened`.
+    A Python file that does not parse, or is no code by its size, counts by its bytes, like any
+    other file. ``below`` is as of :func:`eigbench.outside.opened`.
     """
     with outside.opened(path, most=MOST_WEIGHTS, below=below) as file:
         if path.suffix == ".py" and os.fstat(file.fileno()).st_size <= MOST_CODE:
             try:
-                code = file.read(MOST_CODE)
-                if not READS_ITSELF.search(code):
-                    return digest_of_code(code)
+                return digest_of_code(file.read(MOST_CODE))
             except UNPARSABLE:
-                pass
-            file.seek(0)
+                file.seek(0)
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

@@ -280,16 +280,6 @@ def test_files_that_no_result_can_name_are_found_before_anything_is_predicted(na
     assert re.search(message, unnameable(names))
 
 
-def test_code_that_reads_its_docstring_counts_by_its_bytes(tmp_path):
-    path = tmp_path / "mine.py"
-    digests = set()
-    for text in ("[]", "[1]"):
-        for code in ("x = 1", "x = __doc__"):
-            path.write_text(f'"""{text}"""\n{code}\n')
-            digests.add(digest(path))
-    assert len(digests) == 3
-
-
 def test_an_output_is_one_of_a_folder_and_reached_by_no_link(tmp_path):
     """Names come from the predictor's process: nothing else is opened."""
     folder, kept = tmp_path / "mine", tmp_path / "kept.json"
