@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+import pyarrow as pa
+import pyarrow.compute as pc
 
 from synthnet import store
 from synthnet.errors import StoreError, needed_by
-from synthnet.store import files, limits, storage, unpacked
+from synthnet.store import StoredDataset, limits, storage, unpacked
 from synthnet.types import SPLITS
 
 if TYPE_CHECKING:
     import datasets
+
+ROWS = "rows.arrow"
 
 
 def load_dataset(
@@ -23,7 +29,8 @@ def load_dataset(
     ``eigenvalues`` (10,), float64 in 1/length², ``isometries`` (9, 9) as flattened matrices, ids,
     splits. Where the dataset has the limits of its surfaces, there are ``surface_eigenvalues``
     (10,) and ``surface_bar`` (10,) too, in the same unit. A version that is not there is built
-    first, and this says so on standard error.
+    first, and this says so on standard error. The first use of a split unpacks it into a file
+    beside the shards, which is checked whole whenever it is opened.
 
     Parameters
     ----------
@@ -43,9 +50,10 @@ def load_dataset(
     RecipeError
         If the version is unknown.
     BuildError
-        If the version is not there and cannot be built, or its directory cannot be written to.
+        If the version is not there and cannot be built, its directory cannot be written to, or the
+        disk is full.
     StoreError
-        If there is no shape in the split, or the dataset is at a URL.
+        If there is no shape in the split, a shard is damaged, or the dataset is at a URL.
     """
     if split not in SPLITS:
         raise ValueError(f"split must be one of {', '.join(SPLITS)}, got {split!r}")
@@ -59,13 +67,14 @@ def load_dataset(
         split in store.read_table(p, ["split"])["split"].to_pylist() for p in stored.paths()
     ):
         raise StoreError(f"{version} has no shape in the split {split}: choose another")
-    cache = storage.local(stored.directory, version) / unpacked.HUGGING_FACE
-    files.make_directory(cache, files.LOADED)
-    rows = datasets.Dataset.from_parquet(
-        [str(path) for path in stored.paths()],
-        split=datasets.NamedSplit(split),
-        cache_dir=str(cache),
-        filters=[("split", "==", split)],
+    where = storage.local(stored.directory, version) / unpacked.HUGGING_FACE / split
+    rows = unpacked.open_or_unpack(
+        where,
+        stored,
+        lambda: datasets.Dataset.from_file(str(where / ROWS), split=datasets.NamedSplit(split)),
+        lambda to: _write_rows(to / ROWS, stored, split),
+        by_item=(),
+        reader="Hugging Face datasets",
     )
     add_missing(stored)
     if not limits.any_there(stored):
@@ -75,3 +84,11 @@ def load_dataset(
     for column, name in (("surface_eigenvalues", "eigenvalues"), ("surface_bar", "bar")):
         rows = rows.add_column(column, [getattr(row, name).tolist() for row in matched])
     return rows
+
+
+def _write_rows(path: Path, dataset: StoredDataset, split: str) -> None:
+    """Write the rows of a split as the stream of Arrow's that ``datasets`` maps into memory."""
+    with pa.ipc.new_stream(path, store.SCHEMA.remove_metadata()) as stream:
+        for shard in dataset.paths():
+            table = store.read_table(shard).replace_schema_metadata()
+            stream.write_table(table.filter(pc.equal(table["split"], split)))

@@ -47,6 +47,7 @@ def open_shapes(dataset: store.StoredDataset, *, wholly: bool = False) -> Mapped
         lambda: MappedShapes(where),
         lambda to: write_shapes(to, dataset),
         by_item=LARGE,
+        reader=unpacked.PYG,
         wholly=wholly,
     )
 

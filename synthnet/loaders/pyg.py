@@ -184,6 +184,7 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
             lambda: TransformedItems(where),
             lambda to: write_data(to, self._transformed()),
             by_item=(ROWS,),
+            reader=unpacked.PYG,
             wholly=wholly,
         )
         self._data, self.slices = self._items.data, self._items.slices

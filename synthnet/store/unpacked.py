@@ -23,6 +23,7 @@ from synthnet.store.manifest import with_digest, without_digest
 
 CONTENTS = "digests.json"
 FOLDER, HUGGING_FACE = FOLDERS = ("processed", "datasets-cache")  # of a dataset's directory
+PYG = "PyTorch Geometric"
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")  # of a file in the folder itself
 
 Opened = TypeVar("Opened")
@@ -91,6 +92,7 @@ def open_or_unpack(
     fill: Callable[[Path], None],
     *,
     by_item: tuple[str, ...],
+    reader: str,
     wholly: bool = False,
 ) -> Opened:
     """Return what ``read`` opens; where it is missing or damaged, let ``fill`` unpack it first.
@@ -107,6 +109,8 @@ def open_or_unpack(
         Fills the directory it is given with files.
     by_item : tuple of str
         Ends of the names of files that ``read`` checks by the item.
+    reader : str
+        The library it is unpacked for.
     wholly : bool
         Whether to read every byte first, after an item was found to be damaged.
 
@@ -142,7 +146,7 @@ def open_or_unpack(
         what = f"Unpacking {title}"
     except DamagedError as error:
         what = f"{error}: unpacking {title} anew"
-    sys.stderr.write(f"{what} for PyTorch Geometric\n")
+    sys.stderr.write(f"{what} for {reader}\n")
     files.make_in_place(directory, is_whole, fill_and_list)
     check(directory, dataset)
     return read()

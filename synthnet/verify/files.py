@@ -63,7 +63,11 @@ def check_unpacked(dataset: StoredDataset, findings: Findings) -> None:
     """Read every byte of what loaders have unpacked of a dataset, where that is on this machine."""
     if not isinstance(dataset.directory, Path):
         return
-    for path in sorted(unpacked.folder(dataset).glob(f"*/{unpacked.CONTENTS}")):
+    for path in sorted(
+        path
+        for folder in unpacked.FOLDERS
+        for path in (dataset.directory / folder).glob(f"*/{unpacked.CONTENTS}")
+    ):
         problems = [
             f"{problem}: it is unpacked anew when it is opened"
             for problem in unpacked.problems(path.parent)

@@ -1,19 +1,23 @@
 """Tests of the Hugging Face dataset over the shards: local, offline, equal to the store."""
 
+import errno
+import os
 import shutil
 import socket
 from pathlib import Path
 from unittest.mock import Mock
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 import synthnet
 from synthnet import recipe, store
-from synthnet.errors import BuildError
+from synthnet.errors import BuildError, DamagedError
 from synthnet.recipe.plan import plan_shards
 from synthnet.store import limits
 from synthnet.types import SPLITS
+from synthnet.verify import verify_files
 
 VERSION = "1.0-mini"
 
@@ -110,3 +114,54 @@ def test_a_directory_that_cannot_be_written_is_one_line_with_what_to_do(home):
             synthnet.load_dataset(VERSION, root=home)
     finally:
         cache.unlink()
+
+
+def flip(path):
+    """Flip a bit in the middle of a file."""
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 64
+    path.write_bytes(content)
+
+
+def test_a_damaged_shard_is_an_error_that_names_it(home, tmp_path):
+    shutil.copytree(home / VERSION, tmp_path / VERSION)
+    shutil.rmtree(tmp_path / VERSION / "datasets-cache", ignore_errors=True)
+    shard = tmp_path / VERSION / "shards" / "torus-0000.parquet"
+    flip(shard)
+    with pytest.raises(DamagedError, match=rf"^{shard} is damaged \(.*\): remove it and run "):
+        synthnet.load_dataset(VERSION, split="test", root=tmp_path)
+    assert not (tmp_path / VERSION / "datasets-cache" / "test").exists()
+
+
+def test_damaged_rows_are_found_and_unpacked_anew(home, tmp_path, capsys):
+    shutil.copytree(home / VERSION, tmp_path / VERSION)
+    before = synthnet.load_dataset(VERSION, split="test", root=tmp_path)[:]
+    (file,) = (tmp_path / VERSION / "datasets-cache" / "test").glob("*.arrow")
+    assert not verify_files(VERSION, root=tmp_path).problems
+    flip(file)
+    problem = f"{file} is damaged (its SHA-256 is another)"
+    assert verify_files(VERSION, root=tmp_path).problems == (
+        f"{problem}: it is unpacked anew when it is opened",
+    )
+    capsys.readouterr()
+    assert synthnet.load_dataset(VERSION, split="test", root=tmp_path)[:] == before
+    line = f"{problem}: unpacking synthNet {VERSION} anew for Hugging Face datasets\n"
+    assert capsys.readouterr().err == line
+    assert not verify_files(VERSION, root=tmp_path).problems
+
+
+def test_a_full_disk_is_one_line_with_what_to_do(home, tmp_path, monkeypatch):
+    shutil.copytree(home / VERSION, tmp_path / VERSION)
+    cache = tmp_path / VERSION / "datasets-cache"
+    shutil.rmtree(cache, ignore_errors=True)
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    monkeypatch.setattr(pa.ipc, "new_stream", Mock(side_effect=full))
+    with pytest.raises(BuildError, match=rf"no space left for {cache / 'test'}: free some "):
+        synthnet.load_dataset(VERSION, split="test", root=tmp_path)
+    assert [path.name for path in cache.iterdir()] == [".test.lock"]
+
+
+def test_a_home_may_have_any_name(home, tmp_path):
+    odd = tmp_path / "a [1] {b,c}*?"
+    shutil.copytree(home / VERSION, odd / VERSION)
+    assert len(synthnet.load_dataset(VERSION, split="test", root=odd)) == 34
