@@ -35,6 +35,7 @@ with needed_by("synthnet.pyg"):
     import torch
 
 PLAIN = (type(None), bool, int, float, complex, str, bytes)  # their repr is all that they are
+HOLDERS = (tuple, list, dict, set, frozenset, np.ndarray, np.generic, torch.Tensor)
 
 
 def fingerprint(value: Any) -> str:
@@ -137,6 +138,8 @@ def _class_parts(kind: type) -> list[Any]:
             parts += [name, value]
         elif type(value) in PLAIN and not name.startswith("__"):
             parts.append(f"{name} = {value!r}")
+        elif isinstance(value, HOLDERS) and not name.startswith("__"):
+            parts += [name, value]
     return parts
 
 

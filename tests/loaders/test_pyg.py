@@ -382,11 +382,24 @@ def made(code, by):
     return namespace["f"]
 
 
+CONSTANT = """import numpy as np, torch
+class A:
+ by = VALUE
+ def g(self, data): return data
+f = A().g"""
+
 CODES = {
     "function": "f = lambda data: data * {by}",
     "method": "class A:\n def g(self, data): return data * {by}\nf = A().g",
     "static": "class A:\n @staticmethod\n def g(data): return data * {by}\nf = A()",
     "constant": "class A:\n by = {by}\n def g(self, data): return data * self.by\nf = A().g",
+    "tuple constant": CONSTANT.replace("VALUE", "({by},)"),
+    "list constant": CONSTANT.replace("VALUE", "[{by}]"),
+    "dict constant": CONSTANT.replace("VALUE", "dict(x={by})"),
+    "set constant": CONSTANT.replace("VALUE", "frozenset([{by}])"),
+    "array constant": CONSTANT.replace("VALUE", "np.full(2, {by})"),
+    "number of NumPy's": CONSTANT.replace("VALUE", "np.float64({by})"),
+    "tensor constant": CONSTANT.replace("VALUE", "torch.full((2,), {by})"),
     "base": "class A:\n def g(self, data): return data * {by}\nclass B(A): pass\nf = B().g",
     "tuple": "from typing import NamedTuple\nclass A(NamedTuple):\n x: int = 1\n"
     " def __call__(self, data): return data * {by}\nf = A()",
