@@ -27,7 +27,7 @@ from synthnet.types import ShardRecord
 
 DIRECTORY = "limits"
 SCHEMA_VERSION = 1
-AGAIN = "run `synthnet build --limits` again"
+AGAIN = "run `synthnet build --limits` again, with the same dataset and --out"
 ACCURATE = 20.0  # dB: paper, section 4.3
 NUMBERS = ("eigenvalues", "bar", "error")
 

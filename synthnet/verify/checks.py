@@ -156,7 +156,9 @@ def _verify_drawn(
         expected = set(planned) & set(pinned)
         findings.add("pins", _check_kept(seen, rejected, expected), examined=0)
     elif drawn.kind is Kind.VERSION:
-        findings.add("pins", [f"the repository pins nothing for {drawn.base}"], examined=0)
+        remedy = f"run `python -m evidence pin version {drawn.base}`"
+        problem = f"the repository pins nothing for {drawn.base}: {remedy}"
+        findings.add("pins", [problem], examined=0)
     files.check_unpacked(dataset, findings)
     return findings.report(dataset.directory)
 

@@ -246,7 +246,8 @@ def test_damaged_limits_are_not_read(dataset, damage):
     else:
         path.unlink()
     assert not limits.is_whole(dataset.directory, record)
-    with pytest.raises(DamagedError, match="run `synthnet build --limits` again"):
+    remedy = "run `synthnet build --limits` again, with the same dataset and --out"
+    with pytest.raises(DamagedError, match=remedy):
         limits.read_shard(dataset.directory, record)
 
 
@@ -361,6 +362,15 @@ def test_limits_that_are_not_the_pinned_ones_are_found(dataset, problems):
 
     rows = rewrite(dataset, change)
     assert problems() == [f"{rows[i].id}: limit or bar are not the pinned ones" for i in (2, 5)]
+
+
+def test_bars_are_compared_at_the_precision_of_the_pins(dataset, problems):
+    def change(rows):
+        for i, row in enumerate(rows):
+            rows[i] = dataclasses.replace(row, bar=row.bar * (1 + 1e-10))  # as they are computed
+
+    rewrite(dataset, change)
+    assert problems() == []
 
 
 def test_some_are_computed_anew(problems, monkeypatch):

@@ -199,7 +199,22 @@ def test_a_missing_lapy_is_said_before_anything_is_read(mini_home, monkeypatch):
 
 def test_version_without_pins_is_not_verified(failed, monkeypatch):
     monkeypatch.setattr(pins, "read", lambda version: None)
-    assert failed() == {"pins": ["the repository pins nothing for 1.0"]}
+    remedy = "run `python -m evidence pin version 1.0`"
+    assert failed() == {"pins": [f"the repository pins nothing for 1.0: {remedy}"]}
+
+
+def test_a_build_is_advised_only_where_it_makes_something_anew(mini_copy, monkeypatch, run):
+    def advice():
+        code, out, _ = run("verify", VERSION, "--out", mini_copy, "--sample", 0)
+        assert code == 1
+        return out.partition("DIFFERENT\n")[2]
+
+    monkeypatch.setattr(pins, "read", lambda version: None)
+    assert advice() == ""
+    (mini_copy / VERSION / SHARD).unlink()
+    assert advice().startswith(
+        f"run `synthnet build {VERSION} --out {mini_copy}`: it makes damaged"
+    )
 
 
 # Tampering that leaves traces in the files
