@@ -170,7 +170,7 @@ def write(dataset: StoredDataset) -> Location:
     ------
     StoreError
         If the dataset is an import, a sealed set or of a recipe of your own, whose licence and
-        authors are not known here.
+        authors are not known here, or of a version that has no words in ``ABOUT``.
     BuildError
         If the file cannot be written.
     """
@@ -228,7 +228,10 @@ def _about(version: str) -> tuple[About, recipe.Recipe]:
             f"{version} is no version of synthNet: an import, a sealed set or what your own recipe "
             "made has its own authors and licence, so write its Croissant metadata by hand"
         )
-    return ABOUT[recipe.load(name.version).base], recipe.load(version)
+    base = recipe.load(name.version).base
+    if base not in ABOUT:
+        raise StoreError(f"{base} has no words of its own: add them to ABOUT in {__file__}")
+    return ABOUT[base], recipe.load(version)
 
 
 def _part(resolved: recipe.Recipe) -> str:

@@ -131,6 +131,8 @@ class SynthNet(InMemoryDataset):  # type: ignore[misc]
             if type(value) not in (bool, str) or value not in known:
                 choices = ", ".join(map(str, known))
                 raise ValueError(f"{name} must be one of {choices}, got {value!r}")
+        if not isinstance(protocol, str):
+            raise ValueError(f"protocol must be a name such as 'grouped', got {protocol!r}")  # noqa: TRY004 - as for the others
         if root is not None:
             _check_no_version(str(root), alone=version == DEFAULT)
         if pre_transform is not None and augment == "random":

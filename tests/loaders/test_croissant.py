@@ -136,6 +136,15 @@ def test_every_version_has_words_of_its_own(version):
     assert (croissant._part(expected) == "") == (version in croissant.ABOUT)
 
 
+def test_a_version_without_words_of_its_own_is_refused(monkeypatch, mini_home):
+    monkeypatch.delitem(croissant.ABOUT, "1.0")
+    file = "synthnet/loaders/croissant.py"
+    with pytest.raises(
+        StoreError, match=rf"^1\.0 has no words of its own: add .* ABOUT in .*{file}$"
+    ):
+        croissant.metadata(store.open_dataset(VERSION, mini_home))
+
+
 def test_a_sealed_set_is_refused(sealed_set):
     dataset = store.open_dataset(sealed_set.seal.dataset, sealed_set.home)
     with pytest.raises(StoreError, match="is no version of synthNet: an import, a sealed set"):

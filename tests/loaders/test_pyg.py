@@ -566,6 +566,11 @@ def test_a_number_that_no_instance_has_is_refused(items, open_split):
         ({"split": "dev"}, "split must be one of train, validation, test, got 'dev'"),
         ({"augment": 3}, "augment must be one of True, False, random, got 3"),
         ({"augment": 1}, "augment must be one of True, False, random, got 1"),
+        ({"protocol": None}, "protocol must be a name such as 'grouped', got None"),
+        (
+            {"protocol": ["grouped"]},
+            "protocol must be a name such as 'grouped', got .'grouped'.",
+        ),
         (
             {"augment": "random", "pre_transform": FaceToEdge()},
             "pre_transform is applied once and augment='random' afresh",
