@@ -37,11 +37,11 @@ def run(options: argparse.Namespace) -> int:
     dataset = store.open_dataset(options.version, options.out)
     manifest = dataset.manifest
     if options.ids:
-        ids = dataset.ids()
+        ids, files = dataset.ids(), dataset.files()
         if options.json:
-            print_json(ids)
+            imported = dataset.kind is Kind.IMPORTED
+            print_json([{"id": id, "file": files.get(id)} for id in ids] if imported else ids)
         else:
-            files = dataset.files()
             print("\n".join(f"{id}  {files[id]}" if id in files else id for id in ids))
         return 0
     if options.shape is not None:

@@ -71,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
         "vertices": facts.n_vertices,
         "faces": facts.n_faces,
         "area": facts.area,
-        "volume": facts.volume,
+        "volume": facts.volume if facts.is_closed else None,
         "euler_characteristic": facts.euler_characteristic,
         "closed": facts.is_closed,
         "least_relative_altitude": float(facts.relative_altitudes.min()),
@@ -84,6 +84,8 @@ def run(options: argparse.Namespace) -> int:
         print_json(described)
         return 0
     del described["eigenvalues"], described["limit"]
+    if described["volume"] is None:
+        del described["volume"]
     proof = sample.certificate
     parameters = described.pop("parameters")
     bound = parameters.get("error_bound")

@@ -77,9 +77,11 @@ def candidates(
     if family is not None and family not in totals:
         if family in recipe.available():
             raise ValueError(f"{family} is a version, and no family: add --dataset before it")
+        others = [name for name in recipe.available() if family in recipe.load(name).families]
+        hint = f"; it is in {others[0]}: --dataset {others[0]}" if others else ""
         raise ValueError(
             f"{version} has no family {family!r}: choose one of {', '.join(totals)}"
-            f"{suggestion(family, totals)}"
+            f"{hint or suggestion(family, totals)}"
         )
     return [
         Candidates(name, totals[name], tuple(specs), _varying(specs))

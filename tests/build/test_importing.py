@@ -388,6 +388,9 @@ def test_shapes_are_found_by_the_name_of_their_file(folder, imported, mine, run,
     ):
         assert expected in mine(*words)
     assert json.loads(mine("info", "--shape", "c.obj", "--json"))["id"] == "my_meshes-00003"
+    listed = json.loads(mine("info", "--ids", "--json"))
+    assert {"id": "my_meshes-00003", "file": "below/c.obj"} in listed
+    assert [row["id"] for row in listed] == dataset.ids()
     drawn = json.loads(mine("gallery", "c.obj", "--png", tmp_path / "c.png", "--json"))
     assert drawn["ids"] == ["my_meshes-00003"]
     for words in (["info", "--shape", "none.obj"], ["show", "none.obj"]):

@@ -174,6 +174,7 @@ def test_version_that_is_not_built(arguments, run, tmp_path):
             ["gallery", "star", "--dataset", VERSION],
             "1.0-mini has no family 'star': choose one of rectangular_prism, cone",
         ),
+        (["gallery", "blob", "--dataset", VERSION], "; it is in 2.0: --dataset 2.0"),
         (["gallery", VERSION], f"{VERSION} is a version, and no family: add --dataset before it"),
         (["gallery", "torus", "--count", "0"], "argument --count: must be at least 1, got 0"),
         (["gallery", "--count", "3"], "--count is for the shapes of one family: name the family"),
@@ -448,6 +449,22 @@ def test_json_of_verify(mini):
     assert printed["checks"][-3] == {"check": "labels", "examined": 2, "problems": []}
     assert printed["checks"][-2] == {"check": "limits", "examined": 335, "problems": []}
     assert printed["checks"][-1] == {"check": "unpacked", "examined": 0, "problems": []}
+
+
+def test_an_open_surface_has_no_volume(run, tmp_path):
+    square = np.array([[x, y, 1.0] for x in range(5) for y in range(5)])
+    corners = [5 * x + y for x in range(4) for y in range(4)]
+    faces = [[i, i + 5, i + 6] for i in corners] + [[i, i + 6, i + 1] for i in corners]
+    path = tmp_path / "square.off"
+    rows = [["OFF"], [25, 32, 0], *square, *([3, *face] for face in faces)]
+    path.write_text("".join(" ".join(map(str, row)) + "\n" for row in rows))
+    assert run("import", path, "--name", "open", "--out", tmp_path, "--workers", 1)[0] == 0
+    words = ["show", "square.off", "--dataset", "open", "--out", tmp_path]
+    _, out, _ = run(*words, "--json")
+    shown = json.loads(out)
+    assert (shown["closed"], shown["volume"]) == (False, None)
+    _, out, _ = run(*words)
+    assert "volume" not in out
 
 
 def test_json_of_show(mini, mini_home):
