@@ -243,8 +243,8 @@ def check_limits(
 
 def _equal(a: Limit, b: Limit) -> bool:
     """Return whether two limits are the same, their bars at the precision of the pins."""
-    bars = (limit.bar.astype(np.float32) for limit in (a, b))
-    return np.array_equal(a.eigenvalues, b.eigenvalues) and np.array_equal(*bars)
+    bar, other = (limit.bar.astype(np.float32) for limit in (a, b))
+    return np.array_equal(a.eigenvalues, b.eigenvalues) and np.array_equal(bar, other)
 
 
 def _check_anew(spec: ShapeSpec, stored: Limit) -> Iterator[str]:
