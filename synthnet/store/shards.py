@@ -127,7 +127,14 @@ def _opened(path: Location, *, whole: bool) -> Iterator[Any]:
         yield pa.BufferReader(path.read_bytes())
     else:
         with path.open() as file:
-            yield file
+            source: Any = file
+            try:
+                file.seek(1)
+                file.read(1)
+                file.seek(0)
+            except ValueError:  # a server that sends no parts
+                source = pa.BufferReader(path.read_bytes())
+            yield source
 
 
 def read_samples(path: Location) -> Iterator[Sample]:

@@ -142,11 +142,13 @@ class RemotePath:
 
 
 def _network_errors() -> tuple[type[Exception], ...]:
-    """Return OSError, and what the S3 client raises in its stead where it is in use."""
-    exceptions = sys.modules.get("botocore.exceptions")
-    if exceptions is None:
-        return (OSError,)
-    return (OSError, exceptions.BotoCoreError, exceptions.ClientError)
+    """Return OSError, and what the clients of S3 and HTTP that are in use raise in its stead."""
+    kinds: list[type[Exception]] = [OSError]
+    if s3 := sys.modules.get("botocore.exceptions"):
+        kinds += [s3.BotoCoreError, s3.ClientError]
+    if http := sys.modules.get("aiohttp"):
+        kinds.append(http.ClientError)
+    return tuple(kinds)
 
 
 Location: TypeAlias = Path | RemotePath

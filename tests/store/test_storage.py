@@ -1,6 +1,9 @@
 """A dataset at a URL, against an S3-compatible server of the test's own."""
 
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -10,6 +13,7 @@ from synthnet.commands.cli import main
 from synthnet.errors import StoreError
 from synthnet.store import storage
 from synthnet.store.storage import RemotePath, location
+from tests.conftest import only_line
 
 
 @pytest.fixture(scope="module")
@@ -108,3 +112,68 @@ def test_build_at_a_url_of_directories_makes_them(tiny, tmp_path):
     assert isinstance(report.dataset.directory, RemotePath)
     assert (tmp_path / "deep" / "data" / "tiny" / "manifest.json").is_file()
     assert build(tiny, root=f"local://{tmp_path}/deep/data", workers=1).nothing_to_do
+
+
+class Plain(SimpleHTTPRequestHandler):
+    """Sends whole files alone, without ranges."""
+
+    def log_message(self, *words):
+        """Say nothing."""
+
+
+class Refusing(Plain):
+    """Has an error of its own for every request."""
+
+    def do_GET(self):
+        self.send_error(500)
+
+    do_HEAD = do_GET
+
+
+class CutShort(Plain):
+    """Sends the first half of every shard."""
+
+    def copyfile(self, source, outputfile):
+        content = source.read()
+        half = len(content) // 2 if "shards" in self.path else len(content)
+        outputfile.write(content[:half])
+
+
+@pytest.fixture
+def served():
+    """Return a function that serves a directory by HTTP, and returns its URL."""
+    pytest.importorskip("aiohttp")
+    running = []
+
+    def serve(directory, handler):
+        server = ThreadingHTTPServer(("127.0.0.1", 0), partial(handler, directory=directory))
+        server.handle_error = lambda *_: None  # the client hangs up on whole files
+        Thread(target=server.serve_forever, daemon=True).start()
+        running.append(server)
+        return f"http://127.0.0.1:{server.server_port}"
+
+    yield serve
+    for server in running:
+        server.shutdown()
+        server.server_close()
+
+
+def test_a_server_without_ranges_will_do(served, mini_home, run):
+    url = served(mini_home, Plain)
+    for words in (["info"], ["show", "torus-00005"]):
+        here = run(*words, "--version", "1.0-mini", "--out", mini_home)
+        there = run(*words, "--version", "1.0-mini", "--out", url)
+        assert there == (0, here[1].replace(str(mini_home), url), "")
+
+
+def test_an_error_of_a_server_is_one_line(served, mini_home, run, tmp_path):
+    url = served(mini_home, Refusing)
+    line = only_line(*run("info", "1.0-mini", "--out", url))
+    assert line.startswith(f"synthnet: cannot read {url}/1.0-mini/manifest.json (500, message=")
+    assert line.endswith(": check the URL, the network and your credentials")
+    url = served(mini_home, CutShort)
+    line = only_line(*run("verify", "1.0-mini", "--files", "--out", url))
+    assert line.startswith(f"synthnet: cannot read {url}/1.0-mini/shards/")
+    url = served(tmp_path, Plain)
+    line = only_line(*run("build", "1.0-mini", "--out", url))
+    assert line.startswith(f"synthnet: cannot write {url}/1.0-mini/.writable (501")
