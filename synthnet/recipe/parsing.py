@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, asdict, fields
@@ -11,6 +12,7 @@ from typing import Any, TypeVar
 
 from synthnet.errors import RecipeError
 from synthnet.recipe.distributions import DISTRIBUTIONS, quantile
+from synthnet.recipe.names import SCALED, SEALED
 from synthnet.recipe.recipe import (
     AugmentationSettings,
     FamilyRecipe,
@@ -24,6 +26,7 @@ from synthnet.recipe.recipe import (
 )
 from synthnet.types import PROTOCOLS
 
+VERSION = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")  # it is the name of a directory
 LEAST_VERTICES = 50  # of a mesh that a recipe asks for
 EACH_FAMILY = "each family"  # they are held out one after the other
 NOTHING = "nothing"  # held out: tested are meshes from elsewhere
@@ -81,7 +84,11 @@ def subset_version(raw: dict[str, Any], subset: Subset, base: Recipe) -> Recipe:
     inherited.pop("version")
     unknown = set(raw) - {"version"}
     need(not unknown, f"a subset has a version and nothing else, got {', '.join(unknown)}")
-    return _record(Recipe, "recipe", {**inherited, **raw, "subset": subset})
+    need(base.scale is None, f"{base.version} is scaled: take a share of what it came from")
+    need(base.subset is None, f"{base.version} is a subset: take a share of {base.base}")
+    recipe = _record(Recipe, "recipe", {**inherited, **raw, "subset": subset})
+    _check(recipe)
+    return recipe
 
 
 def _record(kind: type[Settings], table: str, values: Any) -> Settings:
@@ -192,6 +199,16 @@ def _is_distribution(value: Any) -> bool:
 
 
 def _check(recipe: Recipe) -> None:
+    version = recipe.version
+    need(
+        VERSION.fullmatch(version),
+        "version must be at most 100 letters, digits, '.', '_' or '-', the first a letter or a "
+        f"digit, got {version!r}",
+    )
+    need(
+        not (SCALED.fullmatch(version) or SEALED.fullmatch(version)),
+        f"version must not end as scaled versions (-x5) and sealed sets do, got {version!r}",
+    )
     shares = asdict(recipe.splits)
     need(
         min(shares.values()) > 0 and abs(sum(shares.values()) - 1) <= 1e-9,

@@ -169,6 +169,20 @@ def test_a_value_that_will_not_do_is_named(old, new, message):
     refused(edited(old, new), message)
 
 
+@pytest.mark.parametrize("name", ["../up", "/abs", "", ".", ".lock", "a\\nb", "a" * 101])
+def test_a_version_that_is_no_name_of_a_directory_is_refused(name):
+    message = "^version must be at most 100 letters, digits, .* the first a letter or a digit, got"
+    refused(edited('version = "test"', f'version = "{name}"'), message)
+    refused(edited('version = "part"', f'version = "{name}"', SUBSET), message)
+
+
+@pytest.mark.parametrize("name", ["mine-x5", "mine-sealed-0123456789ab"])
+def test_a_version_that_has_the_name_of_another_kind_is_refused(name):
+    message = rf"^version must not end as scaled versions \(-x5\) and sealed sets do, got '{name}'$"
+    refused(edited('version = "test"', f'version = "{name}"'), message)
+    refused(edited('version = "part"', f'version = "{name}"', SUBSET), message)
+
+
 def test_families_must_be_tables():
     text = TEXT.split("[families")[0].replace("schema = 1", "schema = 1\nfamilies = []")
     refused(text, r"^families must be tables, got \[\]$")
@@ -191,6 +205,8 @@ def test_parameters_must_be_a_table():
         ('version = "part"', "", "has a missing key: version$"),
         ("schema = 1", "schema = 1\nseed = 3", "seed"),
         ('"1.0"', '"0.9"', r"unknown version '0\.9'"),
+        ('"1.0"', '"1.0-mini"', r"^1\.0-mini is a subset: take a share of 1\.0$"),
+        ('"1.0"', '"1.0-x2"', r"^1\.0-x2 is scaled: take a share of what it came from$"),
     ],
 )
 def test_a_subset_that_will_not_do_is_refused(old, new, message):
