@@ -14,6 +14,8 @@ from synthnet.spectrum.operators import PLAIN
 from synthnet.spectrum.solve import unwarned
 from synthnet.types import Mesh, Rejection, Sample, ShapeSpec, Spectrum
 
+FEW_VERTICES = "few_vertices"  # the reason that an import of such a mesh has, too
+
 
 def make_sample(shape: PlannedShape, recipe: Recipe) -> Sample | Rejection:
     """Generate, check, label and augment one shape.
@@ -58,12 +60,16 @@ def label_or_rejection(
         As for :func:`synthnet.spectrum.compute`; and the bound of the error keeps the limit of the
         residual too. The drawn versions have neither: their labels are frozen.
     """
+    count, k = len(mesh.vertices), recipe.label.eigenvalues
+    if count <= k:
+        finding = f"{count} vertices, a spectrum needs at least {k + 1}"
+        return Rejection(spec.id, spec.family, FEW_VERTICES, finding)
     try:
         if sharp:  # what a warning would say is a reason to reject the mesh, below
             checked = spectrum.as_mesh(mesh)
-            label = unwarned(checked, recipe.label.eigenvalues, PLAIN, sharp=True)
+            label = unwarned(checked, k, PLAIN, sharp=True)
         else:
-            label = spectrum.compute(mesh, recipe.label.eigenvalues)
+            label = spectrum.compute(mesh, k)
     except CertificateError as error:
         return Rejection(spec.id, spec.family, filters.CERTIFICATE, str(error))
     except SpectrumError as error:

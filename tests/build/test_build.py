@@ -20,6 +20,7 @@ from synthnet.build.label import make_sample
 from synthnet.build.terms import terms_of
 from synthnet.build.versions import build, ensure_built, shard_job
 from synthnet.errors import BuildError, CertificateError, SpectrumError, StoreError, counted
+from synthnet.recipe import FamilyRecipe
 from synthnet.recipe.plan import plan_shards
 from synthnet.store import files
 from synthnet.types import Mesh, Rejection, Sample
@@ -356,6 +357,13 @@ def test_spectrum_that_fails_a_check_is_counted(tiny, monkeypatch):
     assert make_sample(shape, tiny) == Rejection(
         shape.spec.id, shape.spec.family, "residual", "relative residual is 0.001, above 1e-06"
     )
+
+
+def test_a_mesh_with_too_few_vertices_is_counted(tiny):
+    sphere = FamilyRecipe(1, {"radius": 1.0, "resolution": 2})
+    shape = plan_shards(dataclasses.replace(tiny, families={"sphere": sphere}))[0].shapes[0]
+    finding = "6 vertices, a spectrum needs at least 11"
+    assert make_sample(shape, tiny) == Rejection("sphere-00000", "sphere", "few_vertices", finding)
 
 
 def test_error_that_is_no_finding_is_not_swallowed(tiny, monkeypatch):
