@@ -1,9 +1,10 @@
 """What is unpacked from a dataset's shards into a folder of its own: its table of contents.
 
-``<home>/<version>/processed/<key>/digests.json`` is written last. It names every file of the folder
-with its size and SHA-256, and the shards that they were unpacked from; it ends with its own
-SHA-256. When the folder is opened, all sizes and most digests are checked. The files that hold most
-bytes have digests by the item in one of the others, and :func:`problems` reads every byte.
+``<home>/<version>/processed/<key>/digests.json`` is written last, or for Hugging Face datasets
+``datasets-cache/<split>/digests.json``. It names every file of the folder with its size and
+SHA-256, and the shards that they were unpacked from; it ends with its own SHA-256. When the folder
+is opened, all sizes and most digests are checked. The files that hold most bytes have digests by
+the item in one of the others, and :func:`problems` reads every byte.
 """
 
 import hashlib
