@@ -21,6 +21,7 @@ from synthnet.pictures.palette import BLUE, GREEN, VERMILION
 
 LEARNS = "-scale-free"  # at the end of a configuration's name: the form that learns
 COLOURS = (BLUE, VERMILION, GREEN)  # of the rows of Table 1
+ERRORS = (0.1, 0.2, 0.5, 1, 2, 5)  # at the axis
 SCORED = "validation_rpd"
 HEADERS = ("trained by", "steps", "of the paper's", "minutes", "validation RPD", "PSNR>20")
 HEADERS += ("the form that learns had that RPD after", "RPD by then, if it went on so")
@@ -86,7 +87,8 @@ def as_the_paper_says(names: Sequence[str], reported: Sequence[float]) -> Figure
                 left.plot(training["of"], score, "o", color=colour, mfc="white", ms=5)
         for axes in (left, right):
             axes.set_xscale("log")
-        left.set_yscale("log")
+        left.set_yscale("log", subs=[])
+        left.set_yticks(ERRORS, map(str, ERRORS))
         left.set_ylabel("validation RPD")
         right.set_ylabel("validation PSNR>20")
         right.yaxis.set_major_formatter(mpl.ticker.PercentFormatter(1, decimals=0))
