@@ -10,6 +10,7 @@ from eigbench.errors import EigbenchError
 from evidence import card, measurements, numbers, packages, pins, voronoi
 from evidence.blocks import BLOCKS, CARDS, ELSEWHERE, PAGE, fill, rendered
 from evidence.measurements import FILES, MEASUREMENTS, REPORTS, add_options
+from synthnet import terminal
 from synthnet.errors import SynthNetError
 
 # Of a picture the module and the function that draw it, and the numbers that these are given.
@@ -32,17 +33,13 @@ PINS = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; return 1 where a check failed, and 2 after one line on what was wrong."""
     options = parser().parse_args(arguments)
-    try:
-        return options.run(options)
-    except (EigbenchError, OSError, SynthNetError, ValueError) as error:
-        print(f"evidence: {error}", file=sys.stderr)
-        return 2
+    return terminal.run("evidence", options, EigbenchError, SynthNetError)
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of all commands."""
     top = argparse.ArgumentParser(prog="python -m evidence", description=__doc__)
-    top.set_defaults(run=run_list)
+    top.set_defaults(run=run_list, traceback=False)
     commands = top.add_subparsers(metavar="COMMAND")
     add_measurements(commands.add_parser("measure", help="run a measurement, write its numbers"))
     filling = commands.add_parser("fill", help="write the generated blocks of the pages")

@@ -614,6 +614,14 @@ def test_sources_of_a_variant_are_its_own_weights(predictor_file, tmp_path):
     assert set(sources) == {"my_model.py", "my_model/large.npz"}
 
 
+def test_a_link_is_named_as_the_file_that_it_leads_to(predictor_file, tmp_path):
+    path = predictor_file(FAMILY)
+    for name in ("link.py", "link.py:large"):
+        (tmp_path / "link.py").unlink(missing_ok=True)
+        (tmp_path / "link.py").symlink_to(path)
+        assert predictor.code_name(tmp_path / name) == name.replace("link", "my_model")
+
+
 def test_file_whose_name_has_a_colon_is_a_file(predictor_file):
     path = predictor_file(FUNCTION, "my:model.py")
     assert predictor.split(path) == (path, "")
