@@ -64,8 +64,12 @@ def refused(message: str, code: Path, shows: Callable[[Path], bool]) -> str:
             return f" (the sandbox does not show {path.name}: {remedy})"
         if hidden:
             below = folder / path.relative_to(folder).parts[0]
-            remedy = f"make a package of it by an __init__.py, or add --readable {below}"
-            return f" (the sandbox does not show {below.name}/: {remedy})"
+            remedy = f"move {path.name} into {code.stem}/"
+            if path.suffix == ".py":
+                remedy = "make a package of it by an __init__.py"
+            return (
+                f" (the sandbox does not show {below.name}/: {remedy}, or add --readable {below})"
+            )
     return REFUSED
 
 

@@ -54,7 +54,9 @@ def test_predictors_are_timed_in_the_box(predictor_file, mini_truth, mini_meshes
     file = predictor_file(f"open({str(secret)!r})\ndef predict(meshes): ...", "spy.py")
     labels = mini_truth.take(timing.asked(mini_truth, 4))
     how = {"batch_size": 2, "repeats": 1, "settings": box.Settings(sandbox=box.available())}
-    with pytest.raises(PredictorError, match=r"the sandbox shows the predictor's own files"):
+    with pytest.raises(
+        PredictorError, match=r"does not show elsewhere/: move labels.csv into spy/"
+    ):
         clock.together([file], labels, mini_meshes, **how)
 
 
