@@ -58,7 +58,7 @@ def pin_limits(version: str, target: Path | None = None, workers: int = 1) -> No
     print(f"{len(missing):,} limits to compute, {len(known):,} are there", flush=True)
     started = time.perf_counter()
     with partial.open("a") as file, _mapped(workers) as mapped:
-        computed = zip(missing, mapped(_limit, missing), strict=True)
+        computed = zip(missing, mapped(limit_of, missing), strict=True)
         for number, (key, limit) in enumerate(computed, start=1):
             known[key] = limit
             row = {"key": key, "eigenvalues": list(limit.eigenvalues), "bar": list(limit.bar)}
@@ -94,7 +94,8 @@ def surfaces_of(version: str, ids: Iterable[str]) -> dict[str, str]:
     return surfaces
 
 
-def _limit(key: str) -> Limit:
+def limit_of(key: str) -> Limit:
+    """Return the limit of a surface, by its text of :func:`surfaces_of`."""
     name, surface = json.loads(key)
     family = FAMILIES[name]
     try:

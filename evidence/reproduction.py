@@ -97,11 +97,12 @@ that: RPDLoss is constant where an output is negative, so an output that starts 
 gradient, and PyTorch's default initialisation puts about half of the ten outputs there.
 """
 AS_PRINTED = """\
-The three rows of Table 1 are also trained as the paper says: coordinates and eigenvalues are not
-normalised, the optimiser is SGD with a constant rate of 1e-3 and batches of 32 meshes, and 200
+The three rows of Table 1 are also to be trained as the paper says: coordinates and eigenvalues are
+not normalised, the optimiser is SGD with a constant rate of 1e-3 and batches of 32 meshes, and 200
 epochs over nine instances of each shape are 651,600 steps. One core takes days for them; each row
-gets three hours. The last columns continue the validation RPD to the paper's last step by the
-power of the steps that fits the second half. That is an extrapolation and not a result."""
+is to get three hours, and the table says how far it has come. The last columns continue the
+validation RPD to the paper's last step by the power of the steps that fits the second half. That
+is an extrapolation and not a result."""
 AS_PRINTED_CAPTION = """\
 Scores of 200 validation shapes: as the paper says (solid), so continued (dashed), and the same
 networks in the form that learns (dotted). Circles are what the paper reports of its test split."""

@@ -32,12 +32,13 @@ HEADERS += ("RPD reported",)
 def kept(config: str, protocol: str = "grouped") -> dict[str, Any] | None:
     """Return what is known of the first seed's training, from its weights or its checkpoint.
 
-    It is ``None`` where nothing was kept.
+    It is ``None`` where nothing was kept, or nothing that was validated more than once.
     """
     training = Training(config, protocol)
     files = training.weights(), training.unfinished()
     path = next((path for path in files if path.exists()), None)
-    return weights.read(path)[1] if path else None
+    record = weights.read(path)[1] if path else None
+    return record if record and len(validated(record)) > 1 else None
 
 
 def validated(training: dict[str, Any]) -> list[dict[str, float]]:
@@ -47,9 +48,9 @@ def validated(training: dict[str, Any]) -> list[dict[str, float]]:
 
 def losses(names: Sequence[str]) -> Figure | None:
     """Draw Figure 5: the losses of Table 1 against steps, relative to where they begin."""
-    trainings = [kept(f"{config}{LEARNS}") for config in TABLE_1]
-    if not all(trainings):
+    if not all(Training(f"{config}{LEARNS}").scored() for config in TABLE_1):
         return None
+    trainings = [kept(f"{config}{LEARNS}") for config in TABLE_1]
     with figures.style():
         figure, (left, right) = two_panels()
         for training, name, colour in zip(trainings, names, COLOURS, strict=True):
@@ -140,7 +141,7 @@ def table(names: Sequence[str], reported: Sequence[float]) -> str:
     for config, name, score in zip(TABLE_1, names, reported, strict=True):
         training = kept(config)
         if training is None:
-            rows.append([name, *[""] * (len(HEADERS) - 2), f"{score:g}"])
+            rows.append([name, "not run", *[""] * (len(HEADERS) - 3), f"{score:g}"])
             continue
         steps, errors = points(training)
         last = validated(training)[-1]

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from synthnet import store
 from synthnet.errors import StoreError, needed_by
-from synthnet.store import StoredDataset, limits, storage, unpacked
+from synthnet.store import StoredDataset, limits, shards, storage, unpacked
 from synthnet.types import SPLITS
 
 if TYPE_CHECKING:
@@ -89,6 +89,8 @@ def load_dataset(
 def _write_rows(path: Path, dataset: StoredDataset, split: str) -> None:
     """Write the rows of a split as the stream of Arrow's that ``datasets`` maps into memory."""
     with pa.ipc.new_stream(path, store.SCHEMA.remove_metadata()) as stream:
-        for shard in dataset.paths():
+        for record, shard in zip(dataset.manifest.shards, dataset.paths(), strict=True):
+            if storage.sha256(shard) != record.sha256:
+                raise shards.damaged(shard, "its SHA-256 is another")
             table = store.read_table(shard).replace_schema_metadata()
             stream.write_table(table.filter(pc.equal(table["split"], split)))

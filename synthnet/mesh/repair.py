@@ -373,6 +373,8 @@ def _too_many_collapsed(mesh: Mesh, gone: int, part: Int64s, *, alone: bool) -> 
 
 def _has_far_vertex(points: Vertices, part: Int64s) -> bool:
     """Return whether a part is smaller than a :data:`FAR`-th without the vertex farthest out."""
+    points, first = np.unique(points, axis=0, return_index=True)  # an STL file repeats a corner
+    part = np.unique(part[first], return_inverse=True)[1]
     counts = np.bincount(part)
     middle = np.stack([np.bincount(part, x) for x in points.T], axis=1) / counts[:, None]
     order = np.lexsort((np.linalg.norm(points - middle[part], axis=1), part))

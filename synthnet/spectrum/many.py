@@ -14,9 +14,10 @@ from synthnet.processes import worker_pool
 from synthnet.spectrum.inputs import as_count, as_mesh
 from synthnet.spectrum.operators import PLAIN, Operator
 from synthnet.spectrum.solve import compile_solver, compute
+from synthnet.spectrum.warned import Warned, collected
 from synthnet.types import Spectrum
 
-Warned: TypeAlias = tuple[Spectrum, list[tuple[type[Warning], str]]]  # with what was warned of
+Result: TypeAlias = tuple[Spectrum, Warned]
 
 
 def spectra(
@@ -65,7 +66,7 @@ def spectra(
         raise ValueError(f"workers must be at least 1, got {workers}")
     solve = partial(_recorded, partial(compute, k=k, operator=operator, repair=repair))
     if workers == 1:
-        results: Iterator[Callable[[], Warned]] = (partial(solve, mesh) for mesh in meshes)
+        results: Iterator[Callable[[], Result]] = (partial(solve, mesh) for mesh in meshes)
     else:
         compile_solver()  # once, before all of them would
         results = _by_workers(workers, solve, meshes)
@@ -82,22 +83,20 @@ def spectra(
         yield found
 
 
-def _recorded(solve: Callable[[Any], Spectrum], mesh: Any) -> Warned:
+def _recorded(solve: Callable[[Any], Spectrum], mesh: Any) -> Result:
     """Return a mesh's spectrum, and what was warned of; an error has that as notes."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with collected() as warned:
         try:
-            found = solve(mesh)
+            return solve(mesh), warned
         except Exception as error:
-            for warning in caught:
-                error.add_note(f"after a warning: {warning.message}")
+            for _, message in warned:
+                error.add_note(f"after a warning: {message}")
             raise
-    return found, [(warning.category, str(warning.message)) for warning in caught]
 
 
 def _by_workers(
-    workers: int, solve: Callable[[Any], Warned], meshes: Iterable[Any]
-) -> Iterator[Callable[[], Warned]]:
+    workers: int, solve: Callable[[Any], Result], meshes: Iterable[Any]
+) -> Iterator[Callable[[], Result]]:
     """Yield what waits for each mesh's spectrum; two meshes for each process are read ahead."""
     with worker_pool(workers) as pool:
         futures = _submitted(pool, solve, meshes)
@@ -109,13 +108,13 @@ def _by_workers(
 
 
 def _submitted(
-    pool: Executor, solve: Callable[[Any], Warned], meshes: Iterable[Any]
-) -> Iterator[Future[Warned]]:
+    pool: Executor, solve: Callable[[Any], Result], meshes: Iterable[Any]
+) -> Iterator[Future[Result]]:
     """Yield what each mesh will have; the last is an error if there is no further mesh by one."""
     try:
         for mesh in map(as_mesh, meshes):
             yield pool.submit(solve, mesh)
     except Exception as error:  # noqa: BLE001 - raised when it is its turn
-        failed = Future[Warned]()
+        failed = Future[Result]()
         failed.set_exception(error)
         yield failed

@@ -6,14 +6,13 @@ But where sheets are only meant to be one surface, or one point holds two of the
 eigenvalues are of something else.
 """
 
-import warnings
-
 import numpy as np
 
 from synthnet.arrays import Floats, Int32s
 from synthnet.errors import counted
 from synthnet.kernels import kernel
 from synthnet.spectrum import fem
+from synthnet.spectrum.warned import warn
 from synthnet.types import Mesh
 
 JOINED = "compute(…, repair=True).mesh has equal corners joined"  # the ends of warnings
@@ -33,19 +32,19 @@ def warn_of_sheets(mesh: Mesh, elements: str, stacklevel: int) -> None:
     vertices, faces = fem.as_arrays(mesh)
     many, pinched, rims = edges_and_fans(faces, len(vertices))
     if len(vertices) == faces.size > 3:
-        warnings.warn(
+        warn(
             f"no two of the {len(faces)} faces share a vertex, as in an STL file: each is a "
             f"component by itself; {JOINED}",
             stacklevel=stacklevel,
         )
     elif slit := slits(vertices, rims):
-        warnings.warn(
+        warn(
             f"the surface is slit: {counted(slit, 'pair')} of edges with one face are at the same "
             f"position, and not joined; {JOINED}",
             stacklevel=stacklevel,
         )
     if many:
-        warnings.warn(
+        warn(
             f"{counted(many, 'edge has', 'edges have')} more than two faces: eigenfunctions are "
             "those of all sheets joined there, which is no surface; `synthnet import` cuts where "
             'sheets are clearly pairs, compute with Operator(elements="tufted") takes the mesh as '
@@ -53,7 +52,7 @@ def warn_of_sheets(mesh: Mesh, elements: str, stacklevel: int) -> None:
             stacklevel=stacklevel,
         )
     elif pinched:
-        warnings.warn(
+        warn(
             f"{counted(pinched, 'vertex joins', 'vertices join')} sheets that share no edge there: "
             "eigenfunctions are those of sheets that touch in a point, which is no "
             f"surface; {PARTED}",
@@ -64,7 +63,7 @@ def warn_of_sheets(mesh: Mesh, elements: str, stacklevel: int) -> None:
         step = float(np.spacing(np.float32(np.abs(vertices).max())))
     edge = typical_edge(vertices, faces)
     if step > COARSE * edge and is_rounded(vertices, step):
-        warnings.warn(
+        warn(
             f"coordinates are of single precision, {step:.3g} apart so far from the origin, and "
             f"edges only {edge:.3g} long: the surface is a rounded one; save it in double "
             "precision, or move it to the origin before it is saved",

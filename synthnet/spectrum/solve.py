@@ -1,6 +1,5 @@
 """Eigenvalues of the Laplace-Beltrami operator by linear finite elements, with a certificate."""
 
-import warnings
 from dataclasses import replace
 from typing import Any
 
@@ -35,6 +34,7 @@ from synthnet.spectrum.ordering import Ordering, find_ordering
 from synthnet.spectrum.search import Setting, search, shift_amid
 from synthnet.spectrum.sheets import warn_of_sheets
 from synthnet.spectrum.slices import LONG, search_in_slices
+from synthnet.spectrum.warned import warn
 from synthnet.types import Certificate, Mesh, Spectrum
 
 # Up to so many vertices, or vertices for each pair up to so many, a dense solver is as fast; and of
@@ -228,7 +228,7 @@ def _warn_of_rounding(spectrum: Spectrum, advice: str) -> None:
     rough = np.flatnonzero(~(bounds <= ROUGH * np.abs(values)))
     if len(rough):
         i = int(rough[0])
-        warnings.warn(
+        warn(
             f"rounding on thin triangles may have moved λ{i + 1} = {values[i]:.6g} by up to "
             f"{bounds[i]:.2g}: {advice}",
             RuntimeWarning,

@@ -21,7 +21,6 @@ Anal. 30 (1993). K. Neymeyr, "A posteriori error estimation for elliptic eigenpr
 Linear Algebra Appl. 9 (2002).
 """
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -34,6 +33,7 @@ from synthnet.spectrum.bending import Patches, bend
 from synthnet.spectrum.inputs import as_count, as_mesh
 from synthnet.spectrum.sheets import warn_of_sheets
 from synthnet.spectrum.solve import of_matrices
+from synthnet.spectrum.warned import warn
 
 FIRST_ORDER = 0.3  # of an eigenvalue: where the edges' functions take more, it is no small error
 COARSE = (
@@ -96,7 +96,7 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     energies = _edge_energies(patches, stiffness, mass, found.eigenvectors, values)
     nearer = values * np.exp(-energies / values)
     if np.any(energies > FIRST_ORDER * values):
-        warnings.warn(COARSE, stacklevel=2)
+        warn(COARSE, stacklevel=2)
     if not np.isfinite(nearer).all():
         raise SpectrumError("rounding leaves no estimate: remesh, some triangles are too thin")
     return np.sort(nearer)

@@ -105,6 +105,24 @@ def test_a_vertex_far_away_is_refused_and_takes_no_memory():
         repair.repair(Mesh(far, np.concatenate([faces, [[0, 1, n * n]]])))
 
 
+@pytest.mark.parametrize("soup", [False, True], ids=["joined", "as an STL file"])
+def test_a_vertex_far_away_is_said_to_be_the_cause(soup):
+    n = 20
+    grid = np.stack([*np.meshgrid(np.arange(n), np.arange(n)), np.zeros((n, n))], -1).reshape(-1, 3)
+    corner = np.arange(n * (n - 1)).reshape(n - 1, n)[:, :-1].ravel()
+    faces = np.concatenate(
+        [
+            np.stack([corner, corner + 1, corner + n], axis=1),
+            np.stack([corner + 1, corner + n + 1, corner + n], axis=1),
+        ]
+    )
+    grid = grid.astype(float) / n
+    grid[0] = 3e9
+    mesh = Mesh(grid[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3))
+    with pytest.raises(repair.Refused, match=r"is a vertex far away\?"):
+        repair.repair(mesh if soup else Mesh(grid, faces))
+
+
 def test_a_few_slivers_are_merged_away():
     """An edge cut in two 1e-9 from its end, in both of its faces."""
     vertices = np.concatenate([CUBE, [[1e-9, 0, 0]]])

@@ -26,6 +26,7 @@ from synthnet.spectrum import (
     spectra,
     surface_eigenvalues,
 )
+from synthnet.spectrum.warned import collected, warn
 from synthnet.types import Mesh
 from tests.spectrum.meshes import sphere
 
@@ -275,6 +276,14 @@ def test_a_warning_of_one_of_many_says_of_which_and_where_it_was_asked_for(worke
     assert len(next(found).eigenvalues) == 2
     with pytest.raises(UserWarning, match=r"no two of the .* \(of mesh 1"):  # here they are errors
         next(found)
+
+
+def test_what_other_threads_warn_of_stays_theirs():
+    with collected() as mine, ThreadPoolExecutor(1) as other:
+        warn("mine", stacklevel=1)
+        with pytest.warns(UserWarning, match="^another's$"):
+            other.submit(warn, "another's", stacklevel=1).result()
+    assert mine == [(UserWarning, "mine")]
 
 
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])

@@ -56,6 +56,7 @@ PREDICTIONS = Path("benchmark", "predictions")
 FIGURES = Path("benchmark", "figures")
 BOARDS = Path("benchmark", "boards")
 GENERATED = (f"{FIGURES}/*.svg", f"{BOARDS}/*")  # nothing else belongs there
+REPRODUCTION = Path("benchmark", "reproduction")  # of the paper's tables
 REPORTED = Path("benchmark", "reported")
 WHY_NOT = Path("benchmark", "not-run.json")
 
@@ -92,17 +93,22 @@ def read(
 def rescore(root: Path, on_row: Callable[[str], None] = lambda row: None) -> list[Path]:
     """Score every result on a board anew from its predictions; return those that have changed.
 
-    For when the metrics have: then no result is read before.
+    For when the metrics have: then no result is read before. Those of the paper's tables are among
+    them, which lie beside their predictions.
 
     Raises
     ------
     ResultError
         If one does not fit its predictions.
     """
+    every = {
+        path: root / PREDICTIONS / path.parent.name / f"{path.stem}.parquet"
+        for path in (root / RESULTS).glob("*/*.json")
+    }
+    every |= {p: p.with_suffix(".parquet") for p in (root / REPRODUCTION).glob("*/*.json")}
     changed = []
-    for path in sorted((root / RESULTS).glob("*/*.json")):
+    for path, kept in sorted(every.items()):
         on_row(f"{path.parent.name}/{path.stem}")
-        kept = root / PREDICTIONS / path.parent.name / f"{path.stem}.parquet"
         result = submission.rescored(path, kept, below=root)
         if result != results.load(path, below=root):
             results.write(path, result)

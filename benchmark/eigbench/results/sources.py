@@ -92,7 +92,7 @@ def unnameable(names: Collection[str]) -> str:
             "put its data into fewer"
         )
     for name in names:
-        if problem := outside.strange(name):
+        if problem := outside.strange(name) or ("a backslash" if "\\" in name else ""):
             return f"a result cannot name the predictor's file {name!a}, for {problem}: rename it"
         if len(name) > LONGEST_NAME:
             return f"a result cannot name the predictor's file {name}: give it a shorter path"

@@ -461,7 +461,7 @@ def _read_parts(folder: Path) -> list[_Part]:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as part:
                 # Of an array without an axis, [()] is its number
                 parts.append(_Part(**{name: part[name][()] for name in part.files}))
-        except (OSError, EOFError, ValueError, TypeError, zipfile.BadZipFile, zlib.error):
+        except (EOFError, ValueError, TypeError, RuntimeError, zipfile.BadZipFile, zlib.error):
             path.unlink()
     return parts
 

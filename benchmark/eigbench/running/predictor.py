@@ -104,7 +104,7 @@ def check_file(path: Path) -> None:
         raise PredictorError(missing(file))
     if file.suffix != ".py":
         raise PredictorError(f"{file} is no Python file: its name must end in .py")
-    if problem := outside.strange(path.name):  # results name it
+    if problem := outside.strange(path.name) or ("a backslash" if "\\" in path.name else ""):
         raise PredictorError(f"the name {path.name!a} has {problem}: rename the file")
 
 
@@ -207,8 +207,9 @@ def sources(path: Path, roots: Sequence[Path]) -> list[str]:
     ``my_models/NAME.safetensors``. Other files that it reads are not seen.
     """
     path, variant = split(path)
-    root = path.resolve().parent
-    files = _beside(root / path.name)
+    path = path.resolve()
+    root = path.parent
+    files = _beside(path)
     files |= _beside(root / path.stem / variant) if variant else _data(root / path.stem)
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
@@ -237,11 +238,19 @@ def _beside(path: Path) -> set[Path]:
 
 
 def _data(folder: Path) -> set[Path]:
-    """Return the files below a folder that are no code: code counts once it is imported."""
+    """Return the files below a folder that are no code: code counts once it is imported.
+
+    Nor are they reached by a link, or hidden, or compiled.
+    """
+    if folder.is_symlink():
+        return set()
     return {
         file
         for file in folder.rglob("*")
-        if file.suffix not in (".py", ".pyc") and file.is_file() and not file.is_symlink()
+        if file.suffix != ".py"
+        and not any(p.startswith((".", "__pycache__")) for p in file.relative_to(folder).parts)
+        and file.is_file()
+        and not file.is_symlink()
     }
 
 

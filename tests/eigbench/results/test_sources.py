@@ -270,6 +270,7 @@ def test_remark_is_of_results_on_the_board_of_a_checkout(checkout):
     ("names", "message"),
     [
         (["my_model.py", "my_model.copy\u00a01.bin"], r"'my_model.copy\\xa01.bin', for the char"),
+        (["a\\b.npy"], "for a backslash: rename it"),
         (["mode\u0301l.py"], "for letters that are not composed"),
         ([f"{'a' * 298}.py"], "give it a shorter path"),
         (list(map(str, range(1001))), "has 1,001 files, and a result names 1,000 at most"),

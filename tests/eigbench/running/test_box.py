@@ -138,7 +138,7 @@ def test_in_the_box_each_attempt_fails_and_is_reported(asked, secret, kind, what
     attempt, report = ATTEMPTS[what]
     hints = {
         "a file beside it that is none of its own": "does not show notes.txt: name it my_model.not",
-        "a link of its own": "shows no symbolic link: put the file itself at .*my_model.link",
+        "a link of its own": "shows no symbolic link: put what .*my_model.link leads",
     }
     with pytest.raises(PredictorError, match=hints.get(what, "shows the predictor's")):
         asked(attempt, kind)

@@ -457,7 +457,9 @@ def test_sources_are_all_data_of_a_folder_of_its_name_and_of_a_package(predictor
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_bytes(b"weights")
     (tmp_path / "package" / "__init__.py").touch()
-    (tmp_path / "package" / "unused.py").touch()
+    for name in ("unused.py", "__pycache__/a.nbi", ".git/HEAD", ".DS_Store"):
+        (tmp_path / "package" / name).parent.mkdir(exist_ok=True)
+        (tmp_path / "package" / name).touch()
     (tmp_path / "my_model" / "link.npz").symlink_to(tmp_path / "elsewhere" / "d.npz")
     path = predictor_file("import package\n" + FUNCTION)
     expected = {"my_model.py", "my_model/a.npz", "my_model/below/b.npz"}
@@ -620,6 +622,10 @@ def test_a_link_is_named_as_the_file_that_it_leads_to(predictor_file, tmp_path):
         (tmp_path / "link.py").unlink(missing_ok=True)
         (tmp_path / "link.py").symlink_to(path)
         assert predictor.code_name(tmp_path / name) == name.replace("link", "my_model")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "link.py").symlink_to(predictor_file(FUNCTION))
+    (tmp_path / "my_model").symlink_to(tmp_path / "elsewhere")
+    assert predictor.sources(tmp_path / "elsewhere" / "link.py", []) == ["my_model.py"]
 
 
 def test_file_whose_name_has_a_colon_is_a_file(predictor_file):
