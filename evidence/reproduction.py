@@ -29,7 +29,7 @@ from baselines.gcn.predictor import told
 from baselines.gcn.queue import Training
 from evidence import DOCS, ROOT, markdown, numbers, paper_speed, training_curves
 from evidence.markdown import folded
-from evidence.training_curves import LEARNS
+from evidence.training_curves import LEARNS, NOT_RUN
 from synthnet.pictures.palette import BLUE, PALE, VERMILION
 from synthnet.store.files import write_bytes
 
@@ -42,7 +42,6 @@ all of 1.0 (`python -m evidence measure leakage`). Both see only six numbers of 
 isometry changes. The look-up returns the spectrum of the nearest training shape, scaled; the
 trees are the leaderboard's, with one seed instead of three."""
 COLUMNS = ("invlap", "polar", "rpd", "psnr20", "l1", "l2")
-NOT_RUN = "not run"
 VERDICTS = {"a": "yes", "b": "no, the reverse", "tie": "not decided"}
 LOSSES, TIMES, SPECTRA, PRINTED = (
     f"reproduction-{name}.svg" for name in ("losses", "times", "spectra", "as-printed")

@@ -21,6 +21,7 @@ from synthnet.pictures.palette import BLUE, GREEN, VERMILION
 
 LEARNS = "-scale-free"  # at the end of a configuration's name: the form that learns
 COLOURS = (BLUE, VERMILION, GREEN)  # of the rows of Table 1
+NOT_RUN = "not run"
 ERRORS = (0.1, 0.2, 0.5, 1, 2, 5)  # at the axis
 SCORED = "validation_rpd"
 HEADERS = ("trained by", "steps", "of the paper's", "minutes", "validation RPD", "PSNR>20")
@@ -141,7 +142,7 @@ def table(names: Sequence[str], reported: Sequence[float]) -> str:
     for config, name, score in zip(TABLE_1, names, reported, strict=True):
         training = kept(config)
         if training is None:
-            rows.append([name, "not run", *[""] * (len(HEADERS) - 3), f"{score:g}"])
+            rows.append([name, NOT_RUN, *[""] * (len(HEADERS) - 3), f"{score:g}"])
             continue
         steps, errors = points(training)
         last = validated(training)[-1]

@@ -373,18 +373,17 @@ def _libraries() -> Iterator[Rule]:
 def _own(file: Path) -> Iterator[Rule]:
     """Yield a predictor's own files, as docs/submit.md has them.
 
-    In its directory: Python files, packages, and what has the name of one of these before its
-    first dot or as a directory. No link, since it may lead anywhere, and nothing that eigbench has
+    In its directory: Python files, packages, and what has the name of one of these before a dot or
+    as a directory. No link, since it may lead anywhere, and nothing that eigbench has
     written of an earlier run.
     """
     entries = sorted(entry for entry in file.parent.iterdir() if not entry.is_symlink())
     names = {entry.stem for entry in entries if entry.suffix == ".py" and entry.is_file()}
     names |= {entry.name for entry in entries if (entry / "__init__.py").is_file()}
     names -= set(predictor.NOT_THEIRS)
+    beginnings = tuple(f"{name}." for name in names)
     for entry in entries:
-        parts = entry.name.split(".")
-        beginnings = {".".join(parts[:count]) for count in range(1, len(parts))}
-        named = entry.name in names if entry.is_dir() else bool(beginnings & names)
+        named = entry.name in names if entry.is_dir() else entry.name.startswith(beginnings)
         if named and not is_output(entry):
             yield Rule(entry)
             # What is compiled there may be of other code than the sources beside it.

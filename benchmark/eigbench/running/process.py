@@ -57,20 +57,19 @@ def refused(message: str, code: Path, shows: Callable[[Path], bool]) -> str:
             hidden = path.is_relative_to(folder) and path.is_file() and not shows(path)
         except OSError:  # a name that is too long is no file's
             continue
-        below = folder / path.relative_to(folder).parts[0] if hidden else path
-        link = next((each for each in (path, below) if each.is_symlink()), None)
-        if hidden and link is not None:
-            return f" (the sandbox shows no symbolic link: put what {link} leads to in its place)"
-        if hidden and path.parent == folder:
-            remedy = f"name it {code.stem}.{path.name}, or add --readable {path}"
-            return f" (the sandbox does not show {path.name}: {remedy})"
-        if hidden:
-            remedy = f"move {path.name} into {code.stem}/"
-            if path.suffix == ".py":
-                remedy = "make a package of it by an __init__.py"
-            return (
-                f" (the sandbox does not show {below.name}/: {remedy}, or add --readable {below})"
-            )
+        if not hidden:
+            continue
+        entry = folder / path.relative_to(folder).parts[0]  # of the folder: it, or what it is in
+        for link in (path, entry):
+            if link.is_symlink():
+                remedy = f"put what {link} leads to in its place"
+                return f" (the sandbox shows no symbolic link: {remedy})"
+        name, remedy = f"{entry.name}/", f"move {path.name} into {code.stem}/"
+        if entry == path:
+            name, remedy = path.name, f"name it {code.stem}.{path.name}"
+        elif path.suffix == ".py":
+            remedy = "make a package of it by an __init__.py"
+        return f" (the sandbox does not show {name}: {remedy}, or add --readable {entry})"
     return REFUSED
 
 

@@ -21,12 +21,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from synthnet.arrays import as_array
+from synthnet.arrays import as_reals
 
 Array = NDArray[np.float64]
 
 # Counts changes of the formulas and their intervals; results of other versions are not compared
 METRIC_VERSION = 2
+NAMES = "predictions and labels"  # in errors
 ZERO = 1e-4  # of the next eigenvalue: what solvers leave of the zero is smaller
 EPSILON = 1e-12  # what RPD adds; the paper says "a small non-zero constant"
 ACCURATE = 20.0  # decibels of PSNR above which the paper calls a prediction accurate
@@ -37,7 +38,7 @@ def _of_rows(function: Callable[[Array, Array], Array]) -> Callable[[Any, Any], 
 
     @wraps(function)
     def metric(p: Any, g: Any) -> Array:
-        p, g = _real(p), _real(g)
+        p, g = as_reals(p, NAMES), as_reals(g, NAMES)
         check_shapes(p.shape, g.shape)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             return function(p, g)
@@ -54,14 +55,7 @@ def check_shapes(p: tuple[int, ...], g: tuple[int, ...]) -> None:
         If they have not.
     """
     if len(p) != 2 or p != g:
-        raise ValueError(f"predictions and labels must both have shape (B, k), got {p} and {g}")
-
-
-def _real(values: Any) -> Array:
-    array = as_array(values)
-    if array.dtype.kind not in "fiu":
-        raise ValueError(f"predictions and labels must be real numbers, got {array.dtype}")
-    return array.astype(np.float64, copy=False)
+        raise ValueError(f"{NAMES} must both have shape (B, k), got {p} and {g}")
 
 
 @_of_rows
