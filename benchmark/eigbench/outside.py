@@ -231,6 +231,11 @@ def strange(text: str) -> str:
     return ""
 
 
+def strange_name(name: str) -> str:
+    """Return what a file's name has that none in a result may have; empty if it is plain."""
+    return strange(name) or ("a backslash" if "\\" in name else "")
+
+
 def _script(letter: str) -> str:
     """Return the first word of a character's Unicode name, which for a letter is its script."""
     return unicodedata.name(letter, "").partition(" ")[0]

@@ -84,11 +84,6 @@ def is_output(path: Path, below: Path | None = None) -> bool:
         return False
 
 
-def strange_name(name: str) -> str:
-    """Return what a file's name has that none in a result may have; empty if it is plain."""
-    return outside.strange(name) or ("a backslash" if "\\" in name else "")
-
-
 def unnameable(names: Collection[str]) -> str:
     """Return why no result can name a predictor's files, and what to do; empty if one can."""
     if len(names) > MOST_FILES:
@@ -97,7 +92,7 @@ def unnameable(names: Collection[str]) -> str:
             "put its data into fewer"
         )
     for name in names:
-        if problem := strange_name(name):
+        if problem := outside.strange_name(name):
             return f"a result cannot name the predictor's file {name!a}, for {problem}: rename it"
         if len(name) > LONGEST_NAME:
             return f"a result cannot name the predictor's file {name}: give it a shorter path"

@@ -38,7 +38,6 @@ from numpy.typing import NDArray
 
 from eigbench import outside
 from eigbench.errors import PredictorError
-from eigbench.results.sources import strange_name
 from eigbench.scoring import metrics
 from eigbench.scoring.names import TARGETS, nameless
 from eigbench.scoring.training import DEFAULT
@@ -105,7 +104,7 @@ def check_file(path: Path) -> None:
         raise PredictorError(missing(file))
     if file.suffix != ".py":
         raise PredictorError(f"{file} is no Python file: its name must end in .py")
-    if problem := strange_name(path.name):
+    if problem := outside.strange_name(path.name):
         raise PredictorError(f"the name {path.name!a} has {problem}: rename the file")
 
 
