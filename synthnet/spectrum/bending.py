@@ -98,6 +98,12 @@ def straight(mesh: Mesh) -> Patches:
     return Patches(vertices, faces, ends, sides, np.zeros((len(ends), 3)))
 
 
+def edges(faces: Int32s, n: int) -> tuple[Int32s, Int32s]:
+    """Return the edges of faces on n vertices, (e, 2), and which of them each face has, (m, 3)."""
+    ends, sides, _, _ = _edges(faces, *fem.grouped(faces.ravel(), n))
+    return ends, sides
+
+
 def edges_and_rims(mesh: Mesh) -> tuple[Int32s, Booleans]:
     """Return a mesh's edges, (e, 2), as :class:`Patches` has them, and which have one face."""
     _, faces = fem.as_arrays(mesh)

@@ -14,6 +14,12 @@ against C, it counts as half of C at most. C is as well conditioned as the trian
 shaped, so a few steps of conjugate gradients do, more on thin ones: they come near the energy from
 below.
 
+First order is enough where edges are short beside waves. Along an edge of length ℓ linear elements
+find θ = λ (1 + λ ℓ² / 12) to first order; where that is more than a tenth for the highest
+eigenvalue wanted, the edge is cut (:mod:`synthnet.spectrum.splitting`), and the finer patches are
+solved anew. So eigenvalues that a mesh cannot show, such as those of waves along the triangles of a
+long tube, are not missed.
+
 References
 ----------
 R. E. Bank, R. K. Smith, "A posteriori error estimates based on hierarchical bases", SIAM J. Numer.
@@ -33,12 +39,15 @@ from synthnet.spectrum.bending import Patches, bend
 from synthnet.spectrum.inputs import as_count, as_mesh
 from synthnet.spectrum.sheets import warn_of_sheets
 from synthnet.spectrum.solve import of_matrices
+from synthnet.spectrum.splitting import shorten, too_long
 from synthnet.spectrum.warned import warn
 
+RESOLVED = 0.1  # of an eigenvalue, what linear elements may add along an edge
+MOST, OF_EACH = 16, 100  # vertices after cutting: so many times those of the mesh and of each pair
 FIRST_ORDER = 0.3  # of an eigenvalue: where the edges' functions take more, it is no small error
 COARSE = (
     "triangles are too long or too large for some of these eigenvalues, whose estimates may be far "
-    'off, or of others: subdivide the mesh, or compute with Operator(elements="curved")'
+    "off, or of others: subdivide the mesh"
 )
 ENOUGH, STEPS = 0.01, 20  # conjugate gradients end with a step that adds no such share, or so many
 
@@ -88,14 +97,20 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     k = as_count(k)
     mesh = as_mesh(mesh)
     fem.check_used(mesh)
-    patches = bend(mesh)
-    linear, stiffness, mass = curved.hierarchical(patches)
+    patches, most = bend(mesh), MOST * (len(mesh.vertices) + OF_EACH * k)
     warn_of_sheets(mesh, "curved", stacklevel=3)
-    found = of_matrices(linear, k)
-    values = found.eigenvalues
+    while True:
+        linear, stiffness, mass = curved.hierarchical(patches)
+        found = of_matrices(linear, k)
+        values = found.eigenvalues
+        longest = float(np.sqrt(12 * RESOLVED / values[-1]))
+        finer = shorten(patches, longest, most)
+        if finer is patches:
+            break
+        patches = finer
     energies = _edge_energies(patches, stiffness, mass, found.eigenvectors, values)
     nearer = values * np.exp(-energies / values)
-    if np.any(energies > FIRST_ORDER * values):
+    if np.any(energies > FIRST_ORDER * values) or too_long(patches, longest).any():
         warn(COARSE, stacklevel=2)
     if not np.isfinite(nearer).all():
         raise SpectrumError("rounding leaves no estimate: remesh, some triangles are too thin")
