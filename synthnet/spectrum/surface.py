@@ -15,7 +15,7 @@ shaped, so a few steps of conjugate gradients do, more on thin ones: they come n
 below.
 
 First order is enough where edges are short beside waves. Along an edge of length ℓ linear elements
-find θ = λ (1 + λ ℓ² / 12) to first order; where that is more than a tenth for the highest
+find θ = λ (1 + λ ℓ² / 12) to first order; where that is more than a twentieth for the highest
 eigenvalue wanted, the edge is cut (:mod:`synthnet.spectrum.splitting`), and the finer patches are
 solved anew. So eigenvalues that a mesh cannot show, such as those of waves along the triangles of a
 long tube, are not missed.
@@ -42,7 +42,7 @@ from synthnet.spectrum.solve import of_matrices
 from synthnet.spectrum.splitting import shorten, too_long
 from synthnet.spectrum.warned import warn
 
-RESOLVED = 0.1  # of an eigenvalue, what linear elements may add along an edge
+RESOLVED = 0.05  # of an eigenvalue, what linear elements may add along an edge
 MOST, OF_EACH = 16, 100  # vertices after cutting: so many times those of the mesh and of each pair
 FIRST_ORDER = 0.3  # of an eigenvalue: where the edges' functions take more, it is no small error
 COARSE = (
