@@ -15,10 +15,10 @@ shaped, so a few steps of conjugate gradients do, more on thin ones: they come n
 below.
 
 First order is enough where edges are short beside waves. Along an edge of length ℓ linear elements
-find θ = λ (1 + λ ℓ² / 12) to first order; where that is more than a twentieth for the highest
-eigenvalue wanted, the edge is cut (:mod:`synthnet.spectrum.splitting`), and the finer patches are
-solved anew. So eigenvalues that a mesh cannot show, such as those of waves along the triangles of a
-long tube, are not missed.
+find θ = λ (1 + λ ℓ² / 12). Where that is more than a fifth for the highest eigenvalue wanted, a mesh
+may not show a wave, such as one along the triangles of a long tube. There, and where the energy
+above is more than a twentieth of an eigenvalue, edges are cut until they add no more than that
+(:mod:`synthnet.spectrum.splitting`), and the finer patches are solved anew.
 
 References
 ----------
@@ -42,7 +42,9 @@ from synthnet.spectrum.solve import of_matrices
 from synthnet.spectrum.splitting import shorten, too_long
 from synthnet.spectrum.warned import warn
 
-RESOLVED = 0.05  # of an eigenvalue, what linear elements may add along an edge
+# Of an eigenvalue: what linear elements may add to it before edges are cut, and along an edge that
+# is not; and along an edge beside which no wave is missed
+RESOLVED, SEEN = 0.05, 0.2
 MOST, OF_EACH = 16, 100  # vertices after cutting: so many times those of the mesh and of each pair
 FIRST_ORDER = 0.3  # of an eigenvalue: where the edges' functions take more, it is no small error
 COARSE = (
@@ -103,14 +105,17 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
         linear, stiffness, mass = curved.hierarchical(patches)
         found = of_matrices(linear, k)
         values = found.eigenvalues
-        longest = float(np.sqrt(12 * RESOLVED / values[-1]))
-        finer = shorten(patches, longest, most)
+        energies = _edge_energies(patches, stiffness, mass, found.eigenvectors, values)
+        wave = float(np.sqrt(12 / values[-1]))
+        unseen = bool(too_long(patches, wave * SEEN**0.5).any())
+        if not unseen and np.all(energies <= RESOLVED * values):
+            break
+        finer = shorten(patches, wave * RESOLVED**0.5, most)
         if finer is patches:
             break
         patches = finer
-    energies = _edge_energies(patches, stiffness, mass, found.eigenvectors, values)
     nearer = values * np.exp(-energies / values)
-    if np.any(energies > FIRST_ORDER * values) or too_long(patches, longest).any():
+    if unseen or np.any(energies > FIRST_ORDER * values):
         warn(COARSE, stacklevel=2)
     if not np.isfinite(nearer).all():
         raise SpectrumError("rounding leaves no estimate: remesh, some triangles are too thin")

@@ -22,6 +22,13 @@ CURVED = Operator(elements="curved")
 SPHERE = np.repeat([2.0, 6.0, 12.0], [3, 5, 2])
 
 
+@pytest.fixture
+def uncut(monkeypatch):
+    """Leave edges as long as they are."""
+    monkeypatch.setattr(surface, "RESOLVED", np.inf)
+    monkeypatch.setattr(surface, "SEEN", np.inf)
+
+
 def family(name, **parameters):
     return FAMILIES[name].generate(parameters)
 
@@ -142,8 +149,8 @@ def test_a_patch_that_would_turn_over_is_made_flat():
         np.testing.assert_array_equal(block, flat)
 
 
-def test_an_estimate_does_not_depend_on_how_many_are_wanted(monkeypatch):
-    monkeypatch.setattr(surface, "RESOLVED", np.inf)  # more of them may need finer triangles
+def test_an_estimate_does_not_depend_on_how_many_are_wanted(uncut):
+    """More of them may need finer triangles, which is left out here."""
     axes = np.array([1.0, 1.3, 1.7])
     sphere = scattered(14)
     ellipsoid = Mesh(sphere.vertices * axes, sphere.faces)
@@ -162,9 +169,8 @@ def test_an_estimate_is_that_of_a_finer_mesh_where_triangles_are_as_long_as_a_pa
     np.testing.assert_allclose(surface_eigenvalues(make()), finer, rtol=0.015)
 
 
-def test_an_estimate_that_is_none_to_first_order_is_warned_of(monkeypatch):
+def test_an_estimate_that_is_none_to_first_order_is_warned_of(uncut):
     """Cutting leaves no such mesh that is known to us."""
-    monkeypatch.setattr(surface, "RESOLVED", np.inf)
     with pytest.warns(UserWarning, match=r"too long or too large.*subdivide") as caught:
         surface_eigenvalues(trimesh.creation.cylinder(1, 10))
     assert caught[0].filename == __file__
@@ -228,15 +234,13 @@ def test_the_estimate_is_near_curved_elements_and_ten_times_nearer_the_sphere_th
     assert error(values, SPHERE) < 0.03 * error(spectrum.compute(mesh).eigenvalues, SPHERE)
 
 
-def test_the_estimate_converges_faster_than_linear_elements(monkeypatch):
-    monkeypatch.setattr(surface, "RESOLVED", np.inf)  # the coarse one is not made finer
+def test_the_estimate_converges_faster_than_linear_elements(uncut):
     coarse, fine = (error(surface_eigenvalues(sphere(r)), SPHERE) for r in (10, 20))
     assert coarse / fine > 7
 
 
-def test_the_estimate_holds_where_a_mesh_is_too_coarse_for_an_eigenvalue(monkeypatch):
+def test_the_estimate_holds_where_a_mesh_is_too_coarse_for_an_eigenvalue(uncut):
     """There θ M is larger than C on some patches; an answer must stay between zero and θ."""
-    monkeypatch.setattr(surface, "RESOLVED", np.inf)
     cone = family(
         "split_cone",
         radius=1.0,
