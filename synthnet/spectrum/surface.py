@@ -15,10 +15,10 @@ shaped, so a few steps of conjugate gradients do, more on thin ones: they come n
 below.
 
 First order is enough where edges are short beside waves. Along an edge of length ℓ linear elements
-find θ = λ (1 + λ ℓ² / 12). Where that is more than a fifth for the highest eigenvalue wanted, a mesh
-may not show a wave, such as one along the triangles of a long tube. There, and where the energy
-above is more than a twentieth of an eigenvalue, edges are cut until they add no more than that
-(:mod:`synthnet.spectrum.splitting`), and the finer patches are solved anew.
+find θ = λ (1 + λ ℓ² / 12). Where that is more than a fifth for the highest eigenvalue wanted, a
+mesh may not show a wave, such as one along the triangles of a long tube. There, and where the
+energy above is more than a twentieth of an eigenvalue, edges are cut until they add no more than
+that (:mod:`synthnet.spectrum.splitting`), and the finer patches are solved anew.
 
 References
 ----------
