@@ -86,8 +86,8 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     -----
     UserWarning
         As :func:`synthnet.spectrum.compute`, if the mesh is no surface, or looks like another; if
-        linear elements are more than about a quarter off, so that an estimate to first order may
-        be too, and eigenvalues may be missing.
+        linear elements are more than about a quarter off on the finer patches, too, or these would
+        be too many, so that an estimate may be far off, and eigenvalues may be missing.
 
     Examples
     --------
