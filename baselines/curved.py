@@ -2,7 +2,7 @@
 
 Normals at the vertices give the surface back that the flat triangles cut the corners of; the
 eigenvalues of linear elements on it are corrected by the energy of edges' functions, which a few
-steps of conjugate gradients find. Nothing is trained or fitted. See
+steps of conjugate gradients find. Edges that are too long for that are cut. Nothing is trained. See
 :mod:`synthnet.spectrum.surface`.
 """
 

@@ -60,7 +60,7 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     The surface is taken to go through the vertices, with a crease where two triangles meet at more
     than 55 degrees, and a smooth boundary but for its corners; Neumann there. The estimate comes
     with no certificate: nothing bounds how far the surface is from that. Its mean error is a fifth
-    of that of the mesh's own eigenvalues on 2.0, and a third on 1.0; see docs/spectrum.md.
+    of that of the mesh's own eigenvalues on 2.0, and a fortieth on 1.0; see docs/spectrum.md.
 
     Parameters
     ----------
