@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 
 from synthnet.arrays import Floats, Int32s
-from synthnet.errors import SpectrumError
+from synthnet.errors import CertificateError, SpectrumError
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import curved, fem
 from synthnet.spectrum.bending import Patches, bend
@@ -101,17 +101,18 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     fem.check_used(mesh)
     patches, most = bend(mesh), MOST * (len(mesh.vertices) + OF_EACH * k)
     warn_of_sheets(mesh, "curved", stacklevel=3)
+    values, energies = _solved(patches, k)
     while True:
-        linear, stiffness, mass = curved.hierarchical(patches)
-        found = of_matrices(linear, k)
-        values = found.eigenvalues
-        energies = _edge_energies(patches, stiffness, mass, found.eigenvectors, values)
         wave = float(np.sqrt(12 / values[-1]))
         unseen = bool(too_long(patches, wave * SEEN**0.5).any())
         if not unseen and np.all(energies <= RESOLVED * values):
             break
         finer = shorten(patches, wave * RESOLVED**0.5, most)
         if finer is patches:
+            break
+        try:
+            values, energies = _solved(finer, k)
+        except CertificateError:  # cut across, needles may be too thin for what rounding leaves
             break
         patches = finer
     nearer = values * np.exp(-energies / values)
@@ -120,6 +121,14 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     if not np.isfinite(nearer).all():
         raise SpectrumError("rounding leaves no estimate: remesh, some triangles are too thin")
     return np.sort(nearer)
+
+
+def _solved(patches: Patches, k: int) -> tuple[Floats, Floats]:
+    """Return k eigenvalues of linear elements, and the energies of edges' functions, (k,) each."""
+    linear, stiffness, mass = curved.hierarchical(patches)
+    found = of_matrices(linear, k)
+    values = found.eigenvalues
+    return values, _edge_energies(patches, stiffness, mass, found.eigenvectors, values)
 
 
 def _edge_energies(

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from evidence.operators import scattered
+from synthnet.errors import CertificateError
 from synthnet.families import FAMILIES
 from synthnet.mesh.isometries import random_rotation
 from synthnet.spectrum import compute, splitting, surface, surface_eigenvalues
@@ -165,3 +166,24 @@ def test_a_mesh_that_is_fine_enough_is_not_cut(monkeypatch):
     monkeypatch.setattr(splitting, "split", never)
     mesh = scattered(40)
     assert len(surface_eigenvalues(mesh, 3)) == 3
+
+
+def test_where_finer_patches_cannot_be_certified_the_estimate_is_that_of_the_coarse(monkeypatch):
+    family, parameters = coarse("cylinder")
+    mesh = family.generate(parameters)
+    solved, sizes = surface._solved, []
+
+    def once(patches, k):
+        sizes.append(len(patches.vertices))
+        if len(sizes) > 1:
+            raise CertificateError("rounding moves the shift")
+        return solved(patches, k)
+
+    monkeypatch.setattr(surface, "_solved", once)
+    with pytest.warns(UserWarning, match="too long or too large"):
+        values = surface_eigenvalues(mesh)
+    assert sizes[0] == len(mesh.vertices) < sizes[1]
+    values_of_mesh, energies = solved(bend(mesh), 10)
+    np.testing.assert_array_equal(
+        values, np.sort(values_of_mesh * np.exp(-energies / values_of_mesh))
+    )
