@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 
 from synthnet.arrays import Floats, Int32s
-from synthnet.errors import CertificateError, SpectrumError
+from synthnet.errors import SpectrumError
 from synthnet.kernels import kernel, part
 from synthnet.spectrum import curved, fem
 from synthnet.spectrum.bending import Patches, bend
@@ -112,7 +112,7 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
             break
         try:
             values, energies = _solved(finer, k)
-        except CertificateError:  # cut across, needles may be too thin for what rounding leaves
+        except SpectrumError:  # cut across, needles may be too thin for what rounding leaves
             break
         patches = finer
     nearer = values * np.exp(-energies / values)
