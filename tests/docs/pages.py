@@ -8,7 +8,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("baselines/*.md")])
 README = (ROOT / "README.md").read_text()
-WHOLE = [ROOT / "docs" / "start.md", *sorted(ROOT.glob("docs/tutorials/*.md"))]
+WHOLE = [
+    *(ROOT / "docs" / name for name in ("start.md", "spectrum.md")),
+    *sorted(ROOT.glob("docs/tutorials/*.md")),
+]
 DOCS = [page for page in [*ROOT.glob("docs/*.md"), ROOT / "README.md"] if page not in WHOLE]
 
 STEP = re.compile(r"^```(sh|python|py|output)(?: title=\"(.+?)\")?\n(.*?)^```", flags=re.S | re.M)
