@@ -94,7 +94,7 @@ def straight(mesh: Mesh) -> Patches:
         If a face has no area.
     """
     vertices, faces = _arrays(mesh)
-    ends, sides, _, _ = _edges(faces, *fem.grouped(faces.ravel(), len(vertices)))
+    ends, sides = edges(faces, len(vertices))
     return Patches(vertices, faces, ends, sides, np.zeros((len(ends), 3)))
 
 

@@ -42,9 +42,8 @@ from synthnet.spectrum.solve import of_matrices
 from synthnet.spectrum.splitting import shorten, too_long
 from synthnet.spectrum.warned import warn
 
-# Of an eigenvalue: what linear elements may add to it before edges are cut, and along an edge that
-# is not; and along an edge beside which no wave is missed
-RESOLVED, SEEN = 0.05, 0.2
+RESOLVED = 0.05  # of an eigenvalue: edges are cut where linear elements miss more, and down to that
+SEEN = 0.2  # of an eigenvalue: along an edge that adds more to it, a wave may not be seen
 MOST, OF_EACH = 16, 100  # vertices after cutting: so many times those of the mesh and of each pair
 FIRST_ORDER = 0.3  # of an eigenvalue: where the edges' functions take more, it is no small error
 COARSE = (
@@ -118,17 +117,24 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     nearer = values * np.exp(-energies / values)
     if unseen or np.any(energies > FIRST_ORDER * values):
         warn(COARSE, stacklevel=2)
-    if not np.isfinite(nearer).all():
-        raise SpectrumError("rounding leaves no estimate: remesh, some triangles are too thin")
     return np.sort(nearer)
 
 
 def _solved(patches: Patches, k: int) -> tuple[Floats, Floats]:
-    """Return k eigenvalues of linear elements, and the energies of edges' functions, (k,) each."""
+    """Return k eigenvalues of linear elements, and the energies of edges' functions, (k,) each.
+
+    Raises
+    ------
+    SpectrumError
+        As :func:`of_matrices`; if rounding leaves no energy.
+    """
     linear, stiffness, mass = curved.hierarchical(patches)
     found = of_matrices(linear, k)
     values = found.eigenvalues
-    return values, _edge_energies(patches, stiffness, mass, found.eigenvectors, values)
+    energies = _edge_energies(patches, stiffness, mass, found.eigenvectors, values)
+    if not np.isfinite(energies).all():
+        raise SpectrumError("rounding leaves no estimate: remesh, some triangles are too thin")
+    return values, energies
 
 
 def _edge_energies(

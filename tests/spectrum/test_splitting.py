@@ -69,7 +69,7 @@ def test_parts_of_a_patch_are_on_it_and_cover_it_once(corners, cut):
     areas = []
     for face in range(len(parts.faces)):
         points = height(parts, face, inside)
-        where = np.linalg.solve(np.vstack([first[:, :2].T, np.ones(3)]), _in_plane(points))
+        where = np.linalg.solve(_in_plane(first), _in_plane(points))
         np.testing.assert_allclose(height(patches, 0, where.T), points, atol=1e-14)
         u, v = parts.vertices[parts.faces[face], :2][1:] - parts.vertices[parts.faces[face, 0], :2]
         areas.append(u[0] * v[1] - u[1] * v[0])
