@@ -31,14 +31,16 @@ HEADERS += ("RPD reported",)
 
 @cache
 def kept(config: str, protocol: str = "grouped") -> dict[str, Any] | None:
-    """Return what is known of the first seed's training, from its weights or its checkpoint.
-
-    It is ``None`` where nothing was kept, or nothing that was validated more than once.
-    """
+    """Return what is known of the first seed's training, from its weights or its checkpoint."""
     training = Training(config, protocol)
     files = training.weights(), training.unfinished()
     path = next((path for path in files if path.exists()), None)
-    record = weights.read(path)[1] if path else None
+    return weights.read(path)[1] if path else None
+
+
+def curve(config: str) -> dict[str, Any] | None:
+    """Return what is known of a training that was validated more than once, or ``None``."""
+    record = kept(config)
     return record if record and len(validated(record)) > 1 else None
 
 
@@ -49,9 +51,10 @@ def validated(training: dict[str, Any]) -> list[dict[str, float]]:
 
 def losses(names: Sequence[str]) -> Figure | None:
     """Draw Figure 5: the losses of Table 1 against steps, relative to where they begin."""
-    if not all(Training(f"{config}{LEARNS}").scored() for config in TABLE_1):
+    configs = [f"{config}{LEARNS}" for config in TABLE_1]
+    trainings = [curve(config) for config in configs if Training(config).scored()]
+    if len(trainings) < len(configs) or not all(trainings):
         return None
-    trainings = [kept(f"{config}{LEARNS}") for config in TABLE_1]
     with figures.style():
         figure, (left, right) = two_panels()
         for training, name, colour in zip(trainings, names, COLOURS, strict=True):
@@ -69,14 +72,14 @@ def losses(names: Sequence[str]) -> Figure | None:
 
 def as_the_paper_says(names: Sequence[str], reported: Sequence[float]) -> Figure | None:
     """Draw trainings of Table 1 as the paper says, beside the form that learns, in each panel."""
-    begun = [kept(config) for config in TABLE_1]
+    begun = [curve(config) for config in TABLE_1]
     if not any(begun):
         return None
     with figures.style():
         figure, (left, right) = two_panels()
         rows = zip(TABLE_1, begun, names, reported, COLOURS, strict=True)
         for config, training, name, score, colour in rows:
-            ours = kept(f"{config}{LEARNS}")
+            ours = curve(f"{config}{LEARNS}")
             for axes, key in ((left, SCORED), (right, "validation_psnr20")):
                 if ours:
                     axes.plot(*points(ours, key), color=colour, lw=0.8, ls=(0, (1, 1)))
@@ -140,7 +143,7 @@ def table(names: Sequence[str], reported: Sequence[float]) -> str:
     """
     rows = []
     for config, name, score in zip(TABLE_1, names, reported, strict=True):
-        training = kept(config)
+        training = curve(config)
         if training is None:
             rows.append([name, NOT_RUN, *[""] * (len(HEADERS) - 3), f"{score:g}"])
             continue
@@ -151,12 +154,12 @@ def table(names: Sequence[str], reported: Sequence[float]) -> str:
         cells += [f"{training['minutes']:.0f}", f"{last[SCORED]:.3g}"]
         cells += [f"{last['validation_psnr20']:.1%}", passed_by(config, last[SCORED])]
         rows.append([name, *cells, f"{then:.2g}", f"{score:g}"])
-    return markdown.table(HEADERS, rows, "lr") if any(map(kept, TABLE_1)) else ""
+    return markdown.table(HEADERS, rows, "lr") if any(map(curve, TABLE_1)) else ""
 
 
 def passed_by(config: str, error: float) -> str:
     """Return after how many steps and minutes the form that learns had so small an error."""
-    ours = kept(f"{config}{LEARNS}")
+    ours = curve(f"{config}{LEARNS}")
     rows = validated(ours) if ours else []
     first = next((row for row in rows if row[SCORED] <= error), None)
     return f"{first['steps']:,} steps, {first['minutes']:.0f} min" if first else "–"

@@ -11,7 +11,7 @@ import pytest
 from baselines.gcn import queue, weights
 from baselines.gcn.configs import CONFIGS, PAPER
 from evidence import __main__ as evidence
-from evidence import reproduction
+from evidence import reproduction, training_curves
 from tests.baselines.gcn.conftest import set_apart
 
 ROOT = Path(__file__).parents[3]
@@ -26,8 +26,11 @@ def directory(monkeypatch, tmp_path):
     shutil.copy(ROOT / "baselines" / "reproduction.py", baselines)
     set_apart(monkeypatch, tmp_path)
     monkeypatch.setattr(reproduction, "PAGE", tmp_path / "reproduction.md")
-    for cached in (reproduction.read, reproduction.record):
-        monkeypatch.setattr(reproduction, cached.__name__, functools.cache(cached.__wrapped__))
+    cached = {reproduction: ("read", "record"), training_curves: ("kept",)}
+    for module, names in cached.items():
+        for name in names:
+            fresh = functools.cache(getattr(module, name).__wrapped__)
+            monkeypatch.setattr(module, name, fresh)
     return tmp_path
 
 
