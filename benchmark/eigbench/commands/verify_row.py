@@ -22,7 +22,7 @@ from eigbench.errors import EigbenchError, ResultError
 from eigbench.results import predictions, submission, verification
 from eigbench.results.sources import git
 from eigbench.results.submission import Submission
-from eigbench.running import machine, packages, record, rerun
+from eigbench.running import machine, packages, record, rerun, unseen
 from eigbench.running.evaluate import Evaluation, Options, predict_meshes
 from eigbench.scoring import scores, targets
 from eigbench.scoring.names import MESH, SURFACE
@@ -42,7 +42,7 @@ class _Setup:
     options: argparse.Namespace
     settings: Options
     checkouts: rerun.Checkouts
-    draws: rerun.Draws
+    draws: unseen.Draws
     folder: Path
 
 
@@ -93,7 +93,7 @@ def verify_rows(options: argparse.Namespace) -> int:
             rerun.Checkouts(options.board, options.source, Path(made) / "commits")
         ) as checkouts,
     ):
-        draws = rerun.Draws(options.share, Path(made) / "sealed")
+        draws = unseen.Draws(options.share, Path(made) / "sealed")
         setup = _Setup(options, settings, checkouts, draws, Path(made))
         rows = [row for path in options.results if (row := _read(path, options))]
         code = 0 if len(rows) == len(options.results) else terminal.WRONG_INPUT
@@ -189,7 +189,7 @@ def _verify(row: Submission, setup: _Setup) -> tuple[dict[str, Any], list[str]]:
             drawn, fresh = setup.draws.of(row.truth.version), setup.draws.labels(row.truth)
         settings = replace(
             setup.settings,
-            batch_size=rerun.batch_size(row.batch_size, fresh),
+            batch_size=unseen.batch_size(row.batch_size, fresh),
             seeds=len(row.predictions),
             threads=row.result["cost"]["threads"],
             packages=own,
@@ -198,16 +198,16 @@ def _verify(row: Submission, setup: _Setup) -> tuple[dict[str, Any], list[str]]:
         if (surfaces := targets.at(row.truth, SURFACE)) is not None:
             with Console(stderr=True).status("computing the spectra of the fresh surfaces"):
                 targeted.append((surfaces, setup.draws.surfaces(row.truth, fresh)))
-        every = [rerun.mixed(*pair) for pair in targeted]
+        every = [unseen.mixed(*pair) for pair in targeted]
         both = every[0]
-        given = rerun.mixed_meshes(
+        given = unseen.mixed_meshes(
             predict.read_meshes(dataset, row.truth), predict.read_meshes(drawn, fresh)
         )
         public = len(row.truth.ids)
         sets = (np.arange(len(both.ids)) >= public).astype(np.int64)
         answers = folder / "answers"
         evaluation = predict.answers(code, both, given, settings, answers, sets=sets)
-        chosen = rerun.one_per_surface(both)
+        chosen = unseen.one_per_surface(both)
         ids = [both.ids[i] for i in chosen]
         with Console(stderr=True).status(f"asking for {len(ids)} meshes by themselves"):
             apart = predict_meshes(
@@ -221,7 +221,7 @@ def _verify(row: Submission, setup: _Setup) -> tuple[dict[str, Any], list[str]]:
     verified, against = _compared(row, targeted, evaluation)
     against += record.copies_answered_otherwise(every, evaluation)
     against += rerun.better_among_others(every, chosen, evaluation.predictions[0], apart)
-    against += filter(None, [rerun.slower(evaluation, given, both, public)])
+    against += filter(None, [unseen.slower(evaluation, given, both, public)])
     verified["sealed"]["share"] = setup.options.share
     return verified | {
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d"),

@@ -18,7 +18,7 @@ from eigbench.commands import verify_row
 from eigbench.errors import EigbenchError, PredictionsError, ResultError
 from eigbench.results import predictions, submission, verification
 from eigbench.results.sources import digest
-from eigbench.running import box, packages, rerun
+from eigbench.running import box, packages, rerun, unseen
 from eigbench.running.evaluate import Evaluation
 from eigbench.running.meshes import Instances
 from eigbench.running.process import Loaded, Status
@@ -371,8 +371,8 @@ def test_public_and_fresh_instances_are_mixed_without_a_clash(mini_truth, mini_m
     turned = {
         id: Mesh(mesh.vertices[:, [2, 0, 1]], mesh.faces) for id, mesh in mini_meshes.shapes.items()
     }
-    labels = rerun.mixed(public, fresh)
-    every = rerun.mixed_meshes(mini_meshes, Instances(turned, mini_meshes.isometries))
+    labels = unseen.mixed(public, fresh)
+    every = unseen.mixed_meshes(mini_meshes, Instances(turned, mini_meshes.isometries))
     assert len(set(labels.ids)) == 60
     for number, (id, values) in enumerate(zip(labels.ids, labels.eigenvalues, strict=True)):
         is_public = number < 40
@@ -441,15 +441,15 @@ def test_answers_of_all_seeds_are_compared_on_the_split_and_on_the_draw(make_row
 def test_meshes_are_asked_by_themselves_each_of_another_surface(mini_truth):
     groups = np.array([f"group-{i // 3}" for i in range(len(mini_truth.ids))])
     truth = dataclasses.replace(mini_truth, groups=groups)
-    draws = [rerun.one_per_surface(truth) for _ in range(2)]
+    draws = [unseen.one_per_surface(truth) for _ in range(2)]
     for chosen in draws:
-        assert len(set(groups[chosen])) == len(chosen) == rerun.APART
+        assert len(set(groups[chosen])) == len(chosen) == unseen.APART
     assert draws[0].tolist() != draws[1].tolist()
     few = truth.take(np.arange(30))
-    assert len(rerun.one_per_surface(few)) == 10
+    assert len(unseen.one_per_surface(few)) == 10
     few.trainings[:12] = "another"
     for _ in range(5):
-        chosen = rerun.one_per_surface(few)
+        chosen = unseen.one_per_surface(few)
         assert len(set(few.trainings[chosen])) == 1
 
 
@@ -472,13 +472,13 @@ def test_what_is_nearer_among_others_of_its_surface_is_named(mini_truth):
 def test_batches_are_small_enough_for_times_to_be_compared(mini_truth, declared, size):
     shapes = np.array([f"shape-{i // 3}" for i in range(300)])
     fresh = dataclasses.replace(mini_truth.take(np.arange(300)), shapes=shapes)
-    assert rerun.batch_size(declared, fresh) == size
-    assert rerun.batch_size(declared, fresh.take(np.arange(6))) == 1
+    assert unseen.batch_size(declared, fresh) == size
+    assert unseen.batch_size(declared, fresh.take(np.arange(6))) == 1
 
 
 @pytest.mark.slow
 def test_a_draw_is_asked_what_a_protocol_holds_out(tmp_path):
-    draws = rerun.Draws(0.01, tmp_path)
+    draws = unseen.Draws(0.01, tmp_path)
     drawn = draws.of("2.0-mini")
     vertices = {s.spec.id: len(s.mesh.vertices) for s in drawn.samples()}
     whole = truth.of_dataset(drawn)

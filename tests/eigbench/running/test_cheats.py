@@ -9,7 +9,7 @@ import numpy as np
 import psutil
 import pytest
 from eigbench.errors import PredictorError
-from eigbench.running import meshes, record, rerun, usage
+from eigbench.running import meshes, record, unseen, usage
 from eigbench.running import process as process_module
 from eigbench.running.box import Settings
 from eigbench.running.evaluate import Evaluation, Options, evaluate, predict_meshes
@@ -355,7 +355,7 @@ def test_a_predictor_that_knows_public_meshes_is_slower_on_fresh_ones(
     of_public = np.isin(vertices, np.unique(vertices)[::2])
     public, fresh = mini_truth.take(each[of_public]), mini_truth.take(each[~of_public])
     assert min(len(public.ids), len(fresh.ids)) > 8
-    both, given = rerun.mixed(public, fresh), rerun.mixed_meshes(mini_meshes, mini_meshes)
+    both, given = unseen.mixed(public, fresh), unseen.mixed_meshes(mini_meshes, mini_meshes)
     sets = (np.arange(len(both.ids)) >= len(public.ids)).astype(np.int64)
     for known, named in ((vertices[of_public], True), ([], False)):
         np.save(tmp_path / "my_model.npy", np.unique(np.array(known, dtype=np.int64)))
@@ -363,7 +363,7 @@ def test_a_predictor_that_knows_public_meshes_is_slower_on_fresh_ones(
         evaluation = evaluate(*question, tmp_path / "parts", sets=sets)
         for _, chosen in evaluation.asked:  # a batch holds instances of one set
             assert len(set(sets[chosen].tolist())) == 1
-        said = rerun.slower(evaluation, given, both, len(public.ids))
+        said = unseen.slower(evaluation, given, both, len(public.ids))
         assert said.endswith("it knows these") == named
 
 
@@ -372,7 +372,7 @@ def test_a_constant_for_each_call_makes_nobody_slower(factor, mini_truth, mini_m
     """Batches of public meshes are full, those of fresh ones hold a mesh or two."""
     public = mini_truth.take(np.arange(96))
     fresh = mini_truth.take(np.arange(96, 106))
-    both, given = rerun.mixed(public, fresh), rerun.mixed_meshes(mini_meshes, mini_meshes)
+    both, given = unseen.mixed(public, fresh), unseen.mixed_meshes(mini_meshes, mini_meshes)
     vertices = given.vertices(both.ids)
     asked = [(0, np.arange(i, i + 16)) for i in range(0, 96, 16)]
     asked += [(0, np.array([i])) for i in range(96, 106)]
@@ -390,4 +390,4 @@ def test_a_constant_for_each_call_makes_nobody_slower(factor, mini_truth, mini_m
         loaded=Loaded({}, None, False, False, ""),
         status=Status(0, {}, {}),
     )
-    assert bool(rerun.slower(evaluation, given, both, 96)) == (factor > 3)
+    assert bool(unseen.slower(evaluation, given, both, 96)) == (factor > 3)
