@@ -168,6 +168,19 @@ def run(program: str, options: argparse.Namespace, *expected: type[Exception]) -
     return code if problem is None else report(program, options, problem)
 
 
+def at_least(least: int) -> Callable[[str], int]:
+    """Return what reads a number of the command line that has a least value."""
+
+    def number(text: str) -> int:
+        value = int(text)
+        if value < least:
+            raise argparse.ArgumentTypeError(f"must be at least {least}, got {value}")
+        return value
+
+    number.__name__ = "int"  # argparse's name for what is no number at all
+    return number
+
+
 def above_zero(text: str) -> float:
     """Return a number of the command line that is above zero."""
     value = float(text)

@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.progress import track
 
 from synthnet import recipe
-from synthnet.commands.options import add_command, at_least
+from synthnet.commands.options import add_command
 from synthnet.store.files import make_parent, write_bytes
-from synthnet.terminal import Commands, complete_with, print_answer
+from synthnet.terminal import Commands, at_least, complete_with, print_answer
 from synthnet.types import Mesh, ShapeSpec
 
 Thing = TypeVar("Thing")

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable
 
 from synthnet import recipe, store, terminal
-from synthnet.terminal import Commands, DatasetName, complete_with
+from synthnet.terminal import Commands, DatasetName, at_least, complete_with
 
 
 def add_command(
@@ -79,18 +79,8 @@ def workers_options(command: argparse.ArgumentParser, *, other: str) -> None:
 def workers_option(command: argparse.ArgumentParser, text: str) -> None:
     """Add the number of local processes."""
     command.add_argument(
-        "--workers", type=at_least(1), metavar="N", help=f"{text} (default: the cores there are)"
+        "--workers",
+        type=at_least(1),
+        metavar="N",
+        help=f"{text} (default: the cores there are)",
     )
-
-
-def at_least(least: int) -> Callable[[str], int]:
-    """Return what reads a number of the command line that has a least value."""
-
-    def number(text: str) -> int:
-        value = int(text)
-        if value < least:
-            raise argparse.ArgumentTypeError(f"must be at least {least}, got {value}")
-        return value
-
-    number.__name__ = "int"  # argparse's name for what is no number at all
-    return number

@@ -8,12 +8,12 @@ from typing import Any
 from tabulate import tabulate
 
 from synthnet import store
-from synthnet.commands.options import add_command, at_least
+from synthnet.commands.options import add_command
 from synthnet.mesh.geometry import MeshFacts
 from synthnet.store import limits
 from synthnet.store.files import make_parent
 from synthnet.store.limits import StoredLimit
-from synthnet.terminal import Commands, complete_with, print_json
+from synthnet.terminal import Commands, at_least, complete_with, print_json
 
 EIGENFUNCTIONS = 5  # that are drawn by default
 

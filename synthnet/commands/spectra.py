@@ -16,7 +16,6 @@ from tabulate import tabulate
 
 from synthnet import terminal
 from synthnet.arrays import Floats
-from synthnet.commands.options import at_least
 from synthnet.errors import SpectrumError, SynthNetError, counted, missing, printable
 from synthnet.mesh.formats import SUFFIXES, UnreadableError, kind_of
 from synthnet.mesh.geometry import MeshFacts
@@ -28,7 +27,7 @@ from synthnet.spectrum.operators import BOUNDARIES, MASSES, SHARES
 from synthnet.spectrum.sheets import JOINED, PARTED
 from synthnet.spectrum.verdict import LOOSEST
 from synthnet.store.files import make_parent, write_text
-from synthnet.terminal import Commands, above_zero, print_json
+from synthnet.terminal import Commands, above_zero, at_least, print_json
 from synthnet.types import Mesh, Spectrum
 
 VALUES = ("eigenvalue", "eigenvalues", "lambda", "λ")  # the name of their column

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 from tabulate import tabulate
 
 from synthnet import store
-from synthnet.commands.options import add_command, at_least, dataset_argument, workers_option
+from synthnet.commands.options import add_command, dataset_argument, workers_option
 from synthnet.commands.report import FamilyBars
 from synthnet.commands.seal import salt_option
 from synthnet.recipe import Kind
-from synthnet.terminal import Commands, print_json, progress
+from synthnet.terminal import Commands, at_least, print_json, progress
 
 if TYPE_CHECKING:
     from synthnet.verify import VerifyReport

@@ -17,7 +17,7 @@ from eigbench.scoring.names import SURFACE, TARGETS
 from eigbench.scoring.truth import Truth
 from synthnet import recipe, store
 from synthnet.errors import RecipeError
-from synthnet.terminal import above_zero, complete_with
+from synthnet.terminal import above_zero, at_least, complete_with
 
 # PyTorch's, and JAX's gpu and tpu
 DEVICES = ("cpu", "cuda", "gpu", "hip", "hpu", "meta", "mps", "mtia", "npu", "tpu", "xla", "xpu")
@@ -72,10 +72,13 @@ def compute_device(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("--device", type=device, default="cpu", help=text)
 
 
-def count(sub: argparse.ArgumentParser, option: str, metavar: str, text: str, default: int) -> None:
-    """Add an option that takes a whole number from 1 up."""
+def count(
+    sub: argparse.ArgumentParser, option: str, metavar: str, text: str, default: int, least: int = 1
+) -> None:
+    """Add an option that takes a whole number from ``least`` up."""
     text = f"{text} (default: %(default)s)"
-    sub.add_argument(option, type=positive, default=default, metavar=metavar, help=text)
+    kind = at_least(least)
+    sub.add_argument(option, type=kind, default=default, metavar=metavar, help=text)
 
 
 def time_limit(sub: argparse.ArgumentParser, default: float, of: str = "a batch") -> None:
@@ -194,11 +197,3 @@ def device(text: str) -> str:
             f"must be one of {', '.join(DEVICES)}, with a number if need be (cuda:1), got {text!r}"
         )
     return text
-
-
-def positive(text: str) -> int:
-    """Return a whole number from 1 up."""
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, got {value}")
-    return value

@@ -24,7 +24,7 @@ from eigbench.scoring.scores import is_sealed
 from eigbench.site.bundle import CHECKOUT
 from synthnet.recipe import Kind
 from synthnet.store.files import make_parent
-from synthnet.terminal import print_json
+from synthnet.terminal import at_least, print_json
 from synthnet.types import PROTOCOLS
 
 UNTIMED = (
@@ -42,7 +42,7 @@ def add_commands(command: Command) -> None:
     text = "the predictions (default: beside --out, ending in .parquet)"
     arguments.path(sub, "--predictions", "FILE", text)
     text = "predict only N meshes, and mark the result as partial (default: all)"
-    sub.add_argument("--limit", type=arguments.positive, metavar="N", help=text)
+    sub.add_argument("--limit", type=at_least(1), metavar="N", help=text)
     text = "do not time LaPy on some of the same meshes; a leaderboard requires that time"
     sub.add_argument("--no-reference", dest="reference", action="store_false", help=text)
 

@@ -26,7 +26,7 @@ from eigbench.scoring.training import IMPORTED
 from synthnet import store, terminal
 from synthnet.errors import counted
 from synthnet.store.files import make_parent
-from synthnet.terminal import print_answer
+from synthnet.terminal import at_least, print_answer
 
 Settings = TypeVar("Settings", bound=box.Settings)
 CORRECTED = 1.5  # by how much an estimate of time is off when it is told anew
@@ -61,7 +61,7 @@ def add_run(sub: argparse.ArgumentParser) -> None:
 
 def seeds(text: str) -> int:
     """Return a number of runs that a file of predictions can hold."""
-    value = arguments.positive(text)
+    value = at_least(1)(text)
     if value > predictions.SEEDS:
         raise argparse.ArgumentTypeError(f"there can be {predictions.SEEDS} at most, got {value}")
     return value

@@ -2,6 +2,8 @@
 
 import argparse
 import json
+import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -17,14 +19,18 @@ from eigbench.commands import arguments, predict
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
 from eigbench.results import timing
-from eigbench.running import clock, machine, meshes, record
+from eigbench.running import clock, machine, meshes, record, unseen
 from eigbench.running.box import Settings
 from eigbench.running.clock import Timed
+from eigbench.running.meshes import Instances
 from eigbench.running.predictor import check_file, split
 from eigbench.running.process import REFERENCE_FILE
 from eigbench.scoring import scores, targets, truth
-from synthnet import store
+from eigbench.scoring.truth import Truth
+from synthnet import recipe, store
 from synthnet.store.files import make_parent, write_text
+
+FRESH = 50  # meshes that nobody has seen: five batches of ten
 
 
 def add_commands(command: Command) -> None:
@@ -43,6 +49,11 @@ def add_commands(command: Command) -> None:
     arguments.count(sub, "--batch-size", "B", "meshes a call", 10)
     repeats = "batches of each size, of other shapes; the median of their times counts"
     arguments.count(sub, "--repeats", "R", repeats, 3)
+    text = (
+        "meshes that nobody has seen, drawn and labelled for this run; their times do not count, "
+    )
+    text += "but tell whether a predictor knows the others; 0: none"
+    arguments.count(sub, "--fresh", "N", text, FRESH, least=0)
     arguments.time_limit(sub, 600.0)
     predict.add_sandbox(sub)
     arguments.out(sub, "times.json", "the result")
@@ -62,19 +73,25 @@ def run_time(options: argparse.Namespace) -> int:
     make_parent(options.out)
     labels = truth.load(options.dataset)
     labels = labels.take(timing.asked(labels, options.meshes * options.repeats))
+    public = len(labels.ids)
     console = Console(stderr=True)
     with console.status("reading the meshes") as status:
         instances = meshes.read(store.open_dataset(options.dataset, options.root), labels.ids)
+        sizes = np.sort(instances.vertices(labels.ids))
+        if options.fresh and recipe.load(options.dataset).scale is None:
+            status.update(f"drawing and labelling {options.fresh} meshes that nobody has seen")
+            labels, instances = with_unseen(labels, instances, options.fresh)
         timed = clock.together(
             [REFERENCE_FILE, *paths],
             labels,
             instances,
+            fresh=len(labels.ids) - public,
             batch_size=options.batch_size,
             repeats=options.repeats,
             settings=settings,
             on_step=status.update,
         )
-    content = described(timed, labels, np.sort(instances.vertices(labels.ids)), options)
+    content = described(timed, labels, sizes, options)
     write_text(options.out, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
     if options.json:
         print(json.dumps(content, indent=1, ensure_ascii=False))
@@ -82,46 +99,75 @@ def run_time(options: argparse.Namespace) -> int:
         print(table(content["rows"]))
         about = f"{options.repeats} times {options.meshes} meshes of {options.dataset}"
         print(f"\n{about}, one thread each: {options.out}")
-    return 0
+    against = [f"{row['name']}: {found}" for row in content["rows"] for found in timing.knows(row)]
+    for found in against:
+        print(f"eigbench: {found}, and a board refuses its times", file=sys.stderr)
+    return 1 if against else 0
+
+
+def with_unseen(labels: Truth, instances: Instances, count: int) -> tuple[Truth, Instances]:
+    """Return labels and meshes with those of a fresh draw behind, at most ``count`` surfaces."""
+    families = recipe.load(labels.version).families.values()
+    surfaces = sum(family.count for family in families)
+    with tempfile.TemporaryDirectory() as folder:
+        draws = unseen.Draws(min(1.0, count / surfaces), Path(folder))
+        fresh = draws.labels(labels)
+        fresh = fresh.take(unseen.one_per_surface(fresh)[:count])
+        drawn = meshes.read(draws.of(labels.version), fresh.ids)
+    return unseen.mixed(labels, fresh), unseen.mixed_meshes(instances, drawn)
 
 
 def described(
     timed: Sequence[Timed],
-    labels: truth.Truth,
+    labels: Truth,
     vertices: NDArray[np.int64],
     options: argparse.Namespace,
 ) -> dict[str, Any]:
     """Return what the file holds: a row for every predictor but LaPy as the reference.
 
-    ``labels`` are those of the meshes, ``vertices`` their numbers, ascending as they were timed.
-    ``rpd`` has the errors of the answers that were timed, at each target: a row of the board must
-    have the same on the same meshes.
+    ``labels`` are those of the meshes, fresh ones behind the others; ``vertices`` the numbers of
+    the others, ascending as they were timed. ``rpd`` has the errors of the answers that were timed,
+    at each target: a row of the board must have the same on the same meshes.
     """
     lapy, *others = timed
     step = options.batch_size * options.repeats
     parts = np.split(vertices, range(step, len(vertices), step))
     sizes = np.array([len(part) // options.repeats for part in parts])
     peers = {t.loaded.meta["name"]: t.seconds for t in others if t.path in options.against}
+    public = len(vertices)
     return {
         "timing_version": timing.VERSION,
         "dataset": options.dataset,
         "meshes": options.meshes,
+        "fresh_meshes": len(labels.ids) - public,
         "vertices": [round(float(part.mean()), 1) for part in parts],  # mean of each size
         "repeats": options.repeats,
         "hardware": machine.hardware(),
         "environment": machine.environment(),
         "rows": [
-            {**_row(row, sizes, lapy.seconds, peers, options), "rpd": _errors(row, labels)}
+            {**_row(row, sizes, lapy.seconds, peers, options), **_errors(row, labels, public)}
             for row in others
         ],
     }
 
 
-def _errors(timed: Timed, labels: truth.Truth) -> dict[str, float]:
-    return {
-        known.target: float(scores.of_metric(known, timed.predictions, "rpd").mean())
-        for known in targets.every(labels)
+def _errors(timed: Timed, labels: Truth, public: int) -> dict[str, Any]:
+    """Return mean errors on the public meshes at each target, and what there is of fresh ones."""
+    of_public = labels.take(np.arange(public))
+    answered = timed.predictions[:, :public]
+    said: dict[str, Any] = {
+        "rpd": {
+            known.target: float(scores.of_metric(known, answered, "rpd").mean())
+            for known in targets.every(of_public)
+        }
     }
+    if public < len(labels.ids):
+        errors = scores.of_metric(labels, timed.predictions, "rpd")[0]
+        medians = {"rpd": errors[public:], "rpd_public": errors[:public]}
+        said["fresh"] = {key: float(np.median(of)) for key, of in medians.items()}
+        if timed.longer is not None:
+            said["fresh"]["longer"] = timed.longer
+    return said
 
 
 def _row(

@@ -17,6 +17,8 @@ from eigbench.scoring.truth import Truth
 FOLDER = Path("benchmark", "timing")
 VERSION = 1
 RESAMPLES = 2000
+# Of times and of errors on meshes that nobody has seen: by chance and load they are no larger
+LONGER = 3.0
 AGREE = 1e-6  # relative, between a ratio and the quotient of the times
 # Relative and absolute, between two means of RPD: a model that trains while it loads may end like
 # another seed on another processor, and a solver may miss one eigenvalue of one mesh by chance
@@ -110,13 +112,16 @@ def asked(truth: Truth, count: int) -> NDArray[np.int64]:
 def check_answers(timed: dict[str, Any], row: Submission) -> None:
     """Check that a predictor answered, while it was timed, as well as its row on the same meshes.
 
-    Nothing is checked of times of earlier releases, which do not say how well it answered.
+    Nor may it have answered these quicker, or better, than fresh ones. Nothing is checked of times
+    of earlier releases, which do not say how well it answered.
 
     Raises
     ------
     ResultError
         If it did not.
     """
+    for found in knows(timed):
+        raise ResultError(f"{row.result_path}: while {timed['name']} was timed, {found}")
     for known in targets.every(row.truth):
         if known.target not in timed.get("rpd", ()):
             continue
@@ -129,6 +134,35 @@ def check_answers(timed: dict[str, Any], row: Submission) -> None:
                 f"{there:.3g} against the {known.target}, and the row has {own:.3g} on the same "
                 "meshes: time it again"
             )
+
+
+def takes_longer(ratio: float | None) -> str:
+    """Return what it means that fresh meshes take so much longer than public ones; "" if nothing.
+
+    The ratio is that of :func:`eigbench.running.unseen.longer`.
+    """
+    if ratio is None or ratio <= LONGER:
+        return ""
+    return (
+        f"meshes that nobody has seen take {ratio:.1f} times as long as public ones of as many "
+        "vertices: it knows these"
+    )
+
+
+def knows(row: dict[str, Any]) -> list[str]:
+    """Return what shows that a timed row knows the public meshes from elsewhere.
+
+    Times of earlier releases do not say how fresh meshes were answered: of them it is nothing.
+    """
+    if (fresh := row.get("fresh")) is None:
+        return []
+    found = [takes_longer(fresh.get("longer"))]
+    if fresh["rpd"] > LONGER * fresh["rpd_public"] + SAME_RPD:
+        found.append(
+            f"meshes that nobody has seen are answered with a median RPD of {fresh['rpd']:.3g}, "
+            f"public ones with {fresh['rpd_public']:.3g}: it knows these"
+        )
+    return [*filter(None, found)]
 
 
 def row_of(result: dict[str, Any], timed: Sequence[dict[str, Any]]) -> dict[str, Any] | None:

@@ -19,7 +19,10 @@ from eigbench.running.box import NONE, Settings
 from eigbench.running.evaluate import WARM_UP
 from eigbench.running.meshes import Instances
 from eigbench.running.process import REFERENCE_FILE, Loaded, PredictorProcess, Status
+from eigbench.running.unseen import ENOUGH, longer
 from eigbench.scoring.truth import Truth
+
+UNSEEN = -1  # in place of the number of a size
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +38,8 @@ class Timed:
     cpu_seconds: NDArray[np.float64]
     #: What it answered meanwhile, in the order of the truth's ids, of shape (1, n, k), float64.
     predictions: NDArray[np.float64]
+    #: How many times as long fresh meshes took as public ones; ``None`` of too few of either.
+    longer: float | None
     loaded: Loaded  #: its META and the seconds of loading it
     status: Status  #: its peak memory and digests
 
@@ -44,6 +49,7 @@ def together(
     truth: Truth,
     instances: Instances,
     *,
+    fresh: int = 0,
     batch_size: int,
     repeats: int,
     settings: Settings,
@@ -56,6 +62,9 @@ def together(
     mesh of that size costs. Batches come in an order that is drawn anew, every one goes to every
     predictor, and who is first changes from one to the next.
 
+    The last ``fresh`` instances of the truth are those that nobody has seen. Their batches come
+    among the others and have no part in the times, but tell whether a predictor knows the others.
+
     Raises
     ------
     PredictorError
@@ -64,8 +73,11 @@ def together(
     """
     k = truth.eigenvalues.shape[1]
     training = str(truth.trainings[0])
-    groups = by_size(truth, instances, batch_size, repeats)
-    asked = [(number, repeat) for number in range(len(groups)) for repeat in range(repeats)]
+    public = len(truth.ids) - fresh
+    groups = by_size(truth.ids[:public], instances, batch_size, repeats)
+    asked = [(number, batch) for number, group in enumerate(groups) for batch in group]
+    small = max(1, min(batch_size, fresh // ENOUGH))
+    asked += [(UNSEEN, batch) for (batch,) in by_size(truth.ids[public:], instances, small, 1)]
     secrets.SystemRandom().shuffle(asked)
     with contextlib.ExitStack() as stack:
         processes = []
@@ -76,12 +88,11 @@ def together(
                 process = PredictorProcess(path, k, held, training=training)
                 processes.append(stack.enter_context(process))
                 process.warm_up(min(WARM_UP, batch_size))
-        wall = np.empty((repeats, len(paths), len(groups)))
+        wall = np.empty((len(paths), len(asked)))
         cpu = np.empty_like(wall)
         values = np.empty((len(paths), 1, *truth.eigenvalues.shape))
         index = {id: i for i, id in enumerate(truth.ids)}
-        for step, (number, repeat) in enumerate(asked):
-            batch = groups[number][repeat]
+        for step, (_, batch) in enumerate(asked):
             meshes = [instances.mesh(id) for id in batch]
             for turn in range(len(paths)):
                 i = (turn + step) % len(paths)
@@ -90,16 +101,22 @@ def together(
                     answered = processes[i].predict(batch, meshes)
                     if not np.isfinite(answered.values).all():
                         raise PredictorError("the answer has numbers that are not finite")
-                wall[repeat, i, number] = answered.seconds
-                cpu[repeat, i, number] = answered.cpu_seconds
+                wall[i, step] = answered.seconds
+                cpu[i, step] = answered.cpu_seconds
                 values[i, 0, [index[id] for id in batch]] = answered.values
+        numbers = np.array([number for number, _ in asked])
+        vertices = np.array([instances.vertices(batch).sum() for _, batch in asked])
         timed = []
         for i, path in enumerate(paths):
             with _named(path):
                 status = processes[i].status()
-            seconds, cpu_seconds = (np.median(took[:, i], axis=0) for took in (wall, cpu))
+            seconds, cpu_seconds = (
+                np.array([np.median(took[i, numbers == number]) for number in range(len(groups))])
+                for took in (wall, cpu)
+            )
+            ratio = longer(wall[i], vertices, numbers == UNSEEN)
             loaded = processes[i].loaded
-            timed.append(Timed(path, seconds, cpu_seconds, values[i], loaded, status))
+            timed.append(Timed(path, seconds, cpu_seconds, values[i], ratio, loaded, status))
         return timed
 
 
@@ -116,11 +133,10 @@ def _named(path: Path) -> Iterator[None]:
 
 
 def by_size(
-    truth: Truth, instances: Instances, batch_size: int, repeats: int
+    ids: Sequence[str], instances: Instances, batch_size: int, repeats: int
 ) -> list[list[list[str]]]:
     """Return ids, ascending by size: for each size ``repeats`` batches of meshes near it."""
-    order = np.argsort(instances.vertices(truth.ids), kind="stable")
-    ids = [truth.ids[i] for i in order]
+    ids = [ids[i] for i in np.argsort(instances.vertices(ids), kind="stable")]
     step = batch_size * repeats
     groups = [ids[first : first + step] for first in range(0, len(ids), step)]
     return [[group[repeat::repeats] for repeat in range(repeats)] for group in groups]

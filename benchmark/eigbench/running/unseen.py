@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from eigbench.results.timing import takes_longer
 from eigbench.running.evaluate import Evaluation
 from eigbench.running.meshes import Instances
 from eigbench.scoring import targets, truth
@@ -19,7 +20,6 @@ from synthnet.families.limits import Limit
 from synthnet.store import StoredDataset
 from synthnet.verify import seal
 
-LONGER = 3.0  # times as long as public meshes would take: no other load explains that
 ENOUGH = 5  # batches of each kind: of fewer, their times say nothing
 APART = 100  # meshes that are asked by themselves, each of another surface
 FRESH = "fresh/"  # before the ids of fresh shapes: the public ones may have the same
@@ -108,26 +108,42 @@ def one_per_surface(truth: Truth) -> NDArray[np.int64]:
     return order[np.sort(np.unique(truth.groups[order], return_index=True)[1])][:APART]
 
 
-def slower(evaluation: Evaluation, instances: Instances, truth: Truth, public: int) -> str:
-    """Return what shows that fresh meshes take longer than public ones of as many vertices; or "".
+def longer(
+    seconds: NDArray[np.float64], vertices: NDArray[np.int64], fresh: NDArray[np.bool_]
+) -> float | None:
+    """Return how many times as long fresh batches take as public ones of as many vertices would.
 
     What a batch takes is a constant and a multiple of its vertices, by those of public meshes. The
-    first one of each process may compile code and does not count, nor do copies of shapes. The
-    evaluation is of both sets: the first ``public`` instances are the public ones.
+    answer is that of all fresh batches or the median over them, whichever is less: a pause of the
+    machine in one batch is no knowledge. All arrays have the shape (batches,). Of too few batches
+    of either kind the answer is ``None``.
+
+    Examples
+    --------
+    >>> vertices = np.arange(1, 13)
+    >>> round(longer(vertices * np.repeat([0.5, 2.0], 6), vertices, np.repeat([False, True], 6)), 9)
+    4.0
+    >>> paused = np.array([1.0] * 11 + [99.0])
+    >>> round(longer(paused, np.ones(12), np.repeat([False, True], 6)), 9)
+    1.0
+    """
+    if min(fresh.sum(), (~fresh).sum()) < ENOUGH:
+        return None
+    terms = np.stack([np.ones(len(vertices)), vertices], axis=1)
+    fitted, _ = nnls(terms[~fresh], seconds[~fresh])
+    own, expected = seconds[fresh], terms[fresh] @ fitted
+    return float(min(own.sum() / expected.sum(), np.median(own / expected)))
+
+
+def slower(evaluation: Evaluation, instances: Instances, truth: Truth, public: int) -> str:
+    """Return what shows that fresh meshes take longer than public ones; or "".
+
+    The first batch of each process may compile code and does not count, nor do copies of shapes.
+    The evaluation is of both sets: the first ``public`` instances are the public ones.
     """
     vertices = instances.vertices(truth.ids)
     of_batches = np.array([vertices[chosen].sum() for _, chosen in evaluation.asked])
     fresh = np.array([chosen[0] >= public for _, chosen in evaluation.asked])
     counts = evaluation.new & ~evaluation.opening
-    if min((counts & fresh).sum(), (counts & ~fresh).sum()) < ENOUGH:
-        return ""
-    terms = np.stack([np.ones(len(of_batches)), of_batches], axis=1)
-    fitted, _ = nnls(terms[counts & ~fresh], evaluation.seconds[counts & ~fresh])
-    expected = float((terms[counts & fresh] @ fitted).sum())
-    ratio = float(evaluation.seconds[counts & fresh].sum()) / expected
-    if ratio <= LONGER:
-        return ""
-    return (
-        f"meshes that nobody has seen take {ratio:.1f} times as long as public ones of as many "
-        "vertices: it knows these"
-    )
+    ratio = longer(evaluation.seconds[counts], of_batches[counts], fresh[counts])
+    return takes_longer(ratio)

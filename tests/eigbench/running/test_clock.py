@@ -64,12 +64,65 @@ def test_predictors_are_timed_in_the_box(predictor_file, mini_truth, mini_meshes
 def test_no_shape_is_asked_twice_and_the_batches_of_a_size_are_alike(mini_truth, mini_meshes):
     labels = mini_truth.take(timing.asked(mini_truth, 14))
     assert len(set(labels.shapes.tolist())) == 14
-    groups = clock.by_size(labels, mini_meshes, 3, 2)
+    groups = clock.by_size(labels.ids, mini_meshes, 3, 2)
     assert [[len(batch) for batch in group] for group in groups] == [[3, 3], [3, 3], [1, 1]]
     asked = [id for group in groups for batch in group for id in batch]
     assert sorted(asked) == sorted(labels.ids)
     sizes = [mini_meshes.vertices([id for batch in group for id in batch]) for group in groups]
     assert all(a.max() <= b.min() for a, b in itertools.pairwise(sizes))
+
+
+KNOWS = """
+import time
+import numpy as np
+
+KNOWN = {KNOWN}
+
+def predict(meshes):
+    for mesh in meshes:
+        time.sleep(0.001 if float(np.abs(mesh.vertices).sum()) in KNOWN else {SECONDS})
+    return np.ones((len(meshes), 10))
+"""
+
+
+@pytest.mark.attack
+def test_who_knows_the_public_meshes_takes_longer_for_others(
+    predictor_file, mini_truth, mini_meshes
+):
+    labels = mini_truth.take(timing.asked(mini_truth, 24))
+    known = {float(np.abs(mini_meshes.mesh(id).vertices).sum()) for id in labels.ids[:14]}
+    files = [
+        predictor_file(KNOWS.format(KNOWN=known, SECONDS=seconds), f"{name}.py")
+        for name, seconds in (("honest", 0.001), ("knowing", 0.05))
+    ]
+    how = {"batch_size": 3, "repeats": 2, "settings": box.Settings()}
+    honest, knowing = clock.together(files, labels, mini_meshes, fresh=10, **how)
+    assert timing.takes_longer(honest.longer) == ""
+    assert knowing.longer > 10
+    assert timing.takes_longer(knowing.longer).endswith("as many vertices: it knows these")
+    assert knowing.seconds.max() < 0.05  # only meshes that it knows are timed
+    (alone,) = clock.together(files[:1], labels.take(np.arange(14)), mini_meshes, **how)
+    assert alone.longer is None
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize(
+    ("fresh", "found"),
+    [
+        ({"rpd": 0.01, "rpd_public": 0.01, "longer": 1.2}, ""),
+        ({"rpd": 0.01, "rpd_public": 0.01}, ""),
+        ({"rpd": 1e-5, "rpd_public": 0.0, "longer": 0.5}, ""),
+        ({"rpd": 0.01, "rpd_public": 0.01, "longer": 7.14}, "take 7.1 times as long as public"),
+        ({"rpd": 0.5, "rpd_public": 0.01}, "are answered with a median RPD of 0.5, public ones"),
+    ],
+)
+def test_times_of_who_knows_the_public_meshes_are_refused(fresh, found, make_row, mini_truth):
+    timed = {"name": "It", "fresh": fresh}
+    assert [found in said for said in timing.knows(timed)] == ([True] if found else [])
+    if found:
+        row = make_row("It", mini_truth.eigenvalues)
+        with pytest.raises(ResultError, match=f"while It was timed, meshes that .* {found}"):
+            timing.check_answers(timed, row)
 
 
 LATER = """
@@ -154,12 +207,16 @@ def test_command_writes_times_that_the_board_shows(
     board = tmp_path / "board"
     out = board / "benchmark" / "timing" / "1.0-mini.json"
     arguments = [*two, "--against", two[1], "--dataset", "1.0-mini", "--root", mini_home]
-    code, printed, err = eigbench("time", *arguments, "--meshes", 12, "--repeats", 1, "--out", out)
+    arguments += ["--meshes", 12, "--repeats", 1, "--batch-size", 2, "--fresh", 10]
+    code, printed, err = eigbench("time", *arguments, "--out", out)
     assert code == 0, err
     assert "× faster than slow" in printed
     times = json.loads(out.read_text())
     fast, slow = times["rows"]
-    assert times["meshes"] == 12
+    assert (times["meshes"], times["fresh_meshes"]) == (12, 10)
+    for row in times["rows"]:  # they answer all meshes alike, none near the truth
+        assert row["fresh"]["longer"] < timing.LONGER
+        assert row["fresh"]["rpd"] > 0.1
     assert times["vertices"] == sorted(times["vertices"])
     assert slow["cost"]["peers"]["slow"] == {"ratio": 1.0, "low": 1.0, "high": 1.0}
     assert fast["cost"]["peers"]["slow"]["ratio"] > 2
@@ -190,6 +247,7 @@ def test_a_peer_that_is_named_like_the_reference_does_not_replace_it(mini_truth)
             np.array([seconds]),
             np.array([seconds]),
             labels.eigenvalues[None],
+            None,
             SimpleNamespace(meta={"name": "LaPy"}, loading_seconds=0.0),
             SimpleNamespace(sources={}, peak_bytes=0, counted_by={}),
         )
