@@ -9,7 +9,8 @@ smaller, as on CAD parts beside a fillet, it is a flat part of the surface, and 
 
 Across a crease, where two triangles meet at more than :data:`CREASE`, the surface has a normal on
 each side, and an edge along the crease is an arc in both sides' planes. At a boundary, the tangent
-at a vertex is that of the circle through it and its two neighbours.
+at a vertex is that of the circle through it and its two neighbours, or two on one side where an
+edge is much shorter there.
 
 References
 ----------
@@ -31,6 +32,7 @@ CREASE = 55.0  # degrees between the normals of two triangles: below those of a 
 RISE = 0.2  # of an edge's length, the most that it is bent
 UNEVEN = 12.0  # times as large as another face of the same normal: it settles that, if it is flat
 COPLANAR = 0.05  # degrees to a neighbour, below which a face is part of something flat
+LONG = 2.0  # times as long as the next edge of a boundary: its direction is not settled by both
 STRAIGHT = 0.1  # sine between two sides' normals, below which a crease has no direction of its own
 
 
@@ -333,7 +335,7 @@ def _rises(
                 cross(one, other, tangent)
                 _along(edge, tangent, STRAIGHT)
             else:
-                _of_rim(vertices, rim[i], i, cosine, tangent)
+                _of_rim(vertices, rim, i, cosine, tangent)
                 _along(edge, tangent, 0.0)
             for x in range(3):
                 rises[e, x] += sign * tangent[x] / 8
@@ -346,16 +348,59 @@ def _rises(
 
 @part
 def _of_rim(vertices: Floats, rim: Int32s, i: int, cosine: float, tangent: Floats) -> None:
-    """Set the tangent of the circle through a boundary's vertex and its neighbours, or zero."""
-    tangent[:] = 0.0
-    if rim[0] < 0 or rim[1] < 0:
+    """Set the tangent at a boundary's vertex, or zero at a corner and at the boundary's ends.
+
+    It is that of the circle through the vertex and its neighbours. Where one of these is much
+    farther, it is that of the circle through the vertex and two on the nearer side: so a straight
+    edge beside a fillet stays straight. Where that side has no such two, it is the long edge's if
+    its arc would turn by more than a crease.
+    """
+    before, after = rim[i]
+    if not _circle(vertices, before, i, after, cosine, tangent):
         return
-    before = vertices[i] - vertices[rim[0]]
-    after = vertices[rim[1]] - vertices[i]
-    first, second = dot(before, before), dot(after, after)
-    if dot(before, after) > cosine * np.sqrt(first * second):
+    first, second = _square(vertices, before, i), _square(vertices, i, after)
+    if max(first, second) <= LONG * LONG * min(first, second):
+        return
+    sign, near, far = (-1.0, before, after) if first < second else (1.0, after, before)
+    beyond = rim[near, 1] if rim[near, 0] == i else rim[near, 0]
+    short = _square(vertices, i, near)
+    at_near = np.empty(3)
+    if _circle(vertices, i, near, beyond, cosine, at_near) and (
+        _square(vertices, near, beyond) <= LONG * LONG * short
+    ):
+        edge = vertices[near] - vertices[i]
+        along = 2 * dot(at_near, edge) / short
+        for x in range(3):  # the chord's mirror image of the tangent at its other end
+            tangent[x] = sign * (along * edge[x] - at_near[x])
+        return
+    one, other = vertices[i] - vertices[before], vertices[after] - vertices[i]
+    if 2 * dot(one, other) ** 2 < (1 + cosine) * first * second:  # by more than half a crease
         for x in range(3):
-            tangent[x] = before[x] / first + after[x] / second
+            tangent[x] = sign * (vertices[i, x] - vertices[far, x])
+
+
+@part
+def _circle(vertices: Floats, i: int, j: int, k: int, cosine: float, tangent: Floats) -> bool:
+    """Set the tangent at j of the circle through i, j and k, towards k; or zero, and say so."""
+    tangent[:] = 0.0
+    if min(i, k) < 0:
+        return False
+    before, after = vertices[j] - vertices[i], vertices[k] - vertices[j]
+    first, second = dot(before, before), dot(after, after)
+    if dot(before, after) <= cosine * np.sqrt(first * second):
+        return False
+    for x in range(3):
+        tangent[x] = before[x] / first + after[x] / second
+    return True
+
+
+@part
+def _square(vertices: Floats, i: int, j: int) -> float:
+    """Return the square of the distance of two vertices."""
+    total = 0.0
+    for x in range(3):
+        total += (vertices[j, x] - vertices[i, x]) ** 2
+    return total
 
 
 @part
