@@ -1,5 +1,7 @@
 """Eigenvalues of the Laplace-Beltrami operator by linear finite elements, with a certificate."""
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -189,18 +191,25 @@ def unwarned(mesh: Mesh, k: int, operator: Operator, *, sharp: bool) -> Spectrum
     return _of_discrete(mesh, discretise(mesh, operator), k, operator, sharp=sharp)
 
 
-def _of_discrete(
-    mesh: Mesh, discrete: Discrete, k: int, operator: Operator, *, sharp: bool
-) -> Spectrum:
-    unknowns = "unknowns" if operator.on_edges else "vertices"
+@contextlib.contextmanager
+def thinness_named(mesh: Mesh) -> Iterator[None]:
+    """Let what rounding prevents say so, if a mesh has triangles that are too thin."""
     try:
-        candidate, certificate, numbers = _solved(discrete.matrices, k, unknowns)
+        yield
     except SpectrumError as error:
         thinnest = float(MeshFacts(mesh).relative_altitudes.min())
         if not thinnest < THIN:
             raise
         cause = f"some triangles are too thin, with an altitude {thinnest:.2g} of the longest edge"
         raise type(error)(f"{error}: {cause}: remesh") from error
+
+
+def _of_discrete(
+    mesh: Mesh, discrete: Discrete, k: int, operator: Operator, *, sharp: bool
+) -> Spectrum:
+    unknowns = "unknowns" if operator.on_edges else "vertices"
+    with thinness_named(mesh):
+        candidate, certificate, numbers = _solved(discrete.matrices, k, unknowns)
     vectors = None
     if operator.elements == "linear":
         values, bounds, vectors = rounding.sharpened(

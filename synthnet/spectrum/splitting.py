@@ -31,17 +31,20 @@ FROM_SIDE: Pattern = ((3, 1, 4), (0, 3, 2), (3, 4, 2))
 FROM_MIDDLE: Pattern = ((3, 1, 6), (6, 1, 4), (0, 3, 6), (6, 4, 2), (0, 6, 2))
 MIDDLE = np.array([1.0, 2.0, 1.0]) / 4
 POINTS = np.vstack([np.eye(3), (np.eye(3) + np.roll(np.eye(3), 1, axis=1)) / 2, MIDDLE])
+EQUAL_SIDES = 3**0.5 / 2  # the side of a triangle of equal sides over the diameter of its circle
+WIDEST = 4.0  # times its longest side: a thin patch between good ones bends nothing else
+FEW = 0.01  # of the patches
 AS_LONG = 1e-6  # relative, between two diagonals of which rounding must not choose one
 
 
 def shorten(patches: Patches, longest: float, most: int) -> Patches:
-    """Cut edges until none is too long, or there are twice the vertices.
+    """Cut edges until none is too long, or there are twice the vertices; the longest come first.
 
     Parameters
     ----------
     patches : Patches
     longest : float
-        Of the straight edges, in length.
+        As :func:`too_long` has it, in length.
     most : int
         Number of vertices; where a cut needs more, it is not made.
 
@@ -51,21 +54,38 @@ def shorten(patches: Patches, longest: float, most: int) -> Patches:
         The same object if nothing is cut.
     """
     start = len(patches.vertices)
-    while len(patches.vertices) < 2 * start:
-        cut = too_long(patches, longest)
-        if not cut.any():
-            break
-        finer = split(patches, cut)
+    while len(patches.vertices) < 2 * start and len(over := too_long(patches, longest)):
+        least = over.max() / 2
+        while np.count_nonzero(over > least) < min(start / 4, np.count_nonzero(over > 1)):
+            least /= 2
+        finer = split(patches, over > max(least, 1.0))
         if len(finer.vertices) > most:
             break
         patches = finer
     return patches
 
 
-def too_long(patches: Patches, longest: float) -> Booleans:
-    """Return which straight edges are longer, (e,)."""
+def too_long(patches: Patches, longest: float) -> Floats:
+    """Return how many times too long each edge is, (e,); nothing at all if none is.
+
+    Linear functions are as far off on a triangle as it is wide around: by the diameter of the
+    circle through its corners, which is much longer than its sides where an angle is obtuse. The
+    longest side counts as long as that of the triangle of equal sides with such a circle; but where
+    only a few patches are too wide, and none of their sides is too long, they do no harm.
+    """
     edges = patches.vertices[patches.ends[:, 1]] - patches.vertices[patches.ends[:, 0]]
-    return np.asarray((edges**2).sum(axis=1) > longest**2)
+    lengths = np.sqrt((edges**2).sum(axis=1))
+    sides = lengths[patches.sides]
+    most = sides.max(axis=1)
+    across = np.cross(edges[patches.sides[:, 0]], edges[patches.sides[:, 1]])
+    widths = EQUAL_SIDES * sides.prod(axis=1) / np.linalg.norm(across, axis=1)
+    widths = np.minimum(widths, WIDEST * most)
+    if lengths.max() <= longest and np.count_nonzero(widths > longest) <= FEW * len(widths):
+        return np.empty(0)
+    # Each side that is the longest one: rounding must choose none
+    patch, side = np.nonzero(sides >= (1 - AS_LONG) * most[:, None])
+    np.maximum.at(lengths, patches.sides[patch, side], widths[patch])
+    return np.asarray(lengths / longest)
 
 
 def split(patches: Patches, cut: Booleans) -> Patches:

@@ -1,4 +1,4 @@
-r"""The spectrum of the surface that a mesh samples, for little more than that of the mesh.
+r"""The spectrum of the surface that a mesh samples, from linear elements on bent triangles.
 
 Linear elements on bent triangles (:mod:`synthnet.spectrum.bending`) leave one error of order
 :math:`h^2`: between vertices, eigenfunctions are bent, too. It is estimated from the eigenpairs
@@ -18,7 +18,8 @@ First order is enough where edges are short beside waves. Along an edge of lengt
 find θ = λ (1 + λ ℓ² / 12). Where that is more than a fifth for the highest eigenvalue wanted, a
 mesh may not show a wave, such as one along the triangles of a long tube. There, and where the
 energy above is more than a twentieth of an eigenvalue, edges are cut until they add no more than
-that (:mod:`synthnet.spectrum.splitting`), and the finer patches are solved anew.
+that (:mod:`synthnet.spectrum.splitting`), and the finer patches are solved anew. On long triangles
+that takes as long as a mesh of good ones, many times as large, would.
 
 References
 ----------
@@ -38,19 +39,20 @@ from synthnet.spectrum import curved, fem
 from synthnet.spectrum.bending import Patches, bend
 from synthnet.spectrum.inputs import as_count, as_mesh
 from synthnet.spectrum.sheets import warn_of_sheets
-from synthnet.spectrum.solve import of_matrices
+from synthnet.spectrum.solve import of_matrices, thinness_named
 from synthnet.spectrum.splitting import shorten, too_long
 from synthnet.spectrum.warned import warn
 
 RESOLVED = 0.05  # of an eigenvalue: edges are cut where linear elements miss more, and down to that
 SEEN = 0.2  # of an eigenvalue: along an edge that adds more to it, a wave may not be seen
 MOST, OF_EACH = 16, 100  # vertices after cutting: so many times those of the mesh and of each pair
+IN_ALL, MOST_OF_MANY = 100_000, 4  # but no more than so many, or so many times those of the mesh
 FIRST_ORDER = 0.3  # of an eigenvalue: where the edges' functions take more, it is no small error
 COARSE = (
-    "triangles are too long or too large for some of these eigenvalues, whose estimates may be far "
-    "off, or of others: subdivide the mesh"
+    "triangles are too long, too large or too thin for some of these eigenvalues, whose estimates "
+    "may be far off, or of others: subdivide the mesh, or remesh it if triangles are thin"
 )
-ENOUGH, STEPS = 0.01, 20  # conjugate gradients end with a step that adds no such share, or so many
+ENOUGH, STEPS = 1e-4, 20  # conjugate gradients end with two that add no such share, or so many
 
 
 def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
@@ -98,12 +100,14 @@ def surface_eigenvalues(mesh: Any, k: int = 10) -> Floats:
     k = as_count(k)
     mesh = as_mesh(mesh)
     fem.check_used(mesh)
-    patches, most = bend(mesh), MOST * (len(mesh.vertices) + OF_EACH * k)
+    patches, n = bend(mesh), len(mesh.vertices)
+    most = min(MOST * (n + OF_EACH * k), max(IN_ALL, MOST_OF_MANY * n))
     warn_of_sheets(mesh, "curved", stacklevel=3)
-    values, energies = _solved(patches, k)
+    with thinness_named(mesh):
+        values, energies = _solved(patches, k)
     while True:
         wave = float(np.sqrt(12 / values[-1]))
-        unseen = bool(too_long(patches, wave * SEEN**0.5).any())
+        unseen = len(too_long(patches, wave * SEEN**0.5)) > 0
         if not unseen and np.all(energies <= RESOLVED * values):
             break
         finer = shorten(patches, wave * RESOLVED**0.5, most)
@@ -133,7 +137,7 @@ def _solved(patches: Patches, k: int) -> tuple[Floats, Floats]:
     values = found.eigenvalues
     energies = _edge_energies(patches, stiffness, mass, found.eigenvectors, values)
     if not np.isfinite(energies).all():
-        raise SpectrumError("rounding leaves no estimate: remesh, some triangles are too thin")
+        raise SpectrumError("rounding leaves no estimate of what lies between vertices")
     return values, energies
 
 
@@ -215,7 +219,7 @@ def _energies(
     edges, k = r.shape
     p, q = np.zeros((edges, k)), np.zeros((edges, k))
     energies, before, step = np.zeros(k), np.full(k, np.inf), np.zeros(k)
-    ended = np.zeros(k, np.bool_)
+    ended, small = np.zeros(k, np.bool_), np.zeros(k, np.bool_)
     for _ in range(STEPS):
         now = _weighted_squares(r, q, step, diagonal)
         ratio = now / before
@@ -234,7 +238,9 @@ def _energies(
             else:
                 step[j] = now[j] / step[j] if step[j] > 0 else np.nan
             energies[j] += step[j] * now[j]
-            ended[j] |= step[j] * now[j] <= ENOUGH * energies[j]
+            added = step[j] * now[j] > ENOUGH * energies[j]
+            ended[j] |= small[j] and not added
+            small[j] = not added
         if np.all(ended):
             break
         before = np.where(now > 0, now, np.inf)

@@ -171,7 +171,7 @@ def test_an_estimate_is_that_of_a_finer_mesh_where_triangles_are_as_long_as_a_pa
 
 def test_an_estimate_that_is_none_to_first_order_is_warned_of(uncut):
     """Cutting leaves no such mesh that is known to us."""
-    with pytest.warns(UserWarning, match=r"too long or too large.*subdivide") as caught:
+    with pytest.warns(UserWarning, match=r"too long, too large or too thin.*subdivide") as caught:
         surface_eigenvalues(trimesh.creation.cylinder(1, 10))
     assert caught[0].filename == __file__
 
@@ -191,6 +191,66 @@ def test_without_an_estimate_there_is_no_answer(monkeypatch):
     monkeypatch.setattr(surface, "_edge_energies", lambda *_: np.array([0.0, np.nan]))
     with pytest.raises(SpectrumError, match="rounding leaves no estimate"):
         surface_eigenvalues(sphere(10), 2)
+
+
+def rounded(segments, length):
+    """Return a rectangle's outline with round ends, (n, 2): straight sides beside short ones."""
+    angles = np.linspace(-np.pi / 2, np.pi / 2, segments + 1)
+    end = np.column_stack([length / 2 + np.cos(angles), np.sin(angles)])
+    return np.vstack([end, -end])
+
+
+def disc_of(outline):
+    """Return the triangles from the middle of an outline to its sides."""
+    n = len(outline)
+    vertices = np.column_stack([np.vstack([outline, np.zeros(2)]), np.zeros(n + 1)])
+    return Mesh(vertices, np.array([(n, i, (i + 1) % n) for i in range(n)]))
+
+
+def prism_of(outline, depth):
+    """Return the prism over an outline: two such discs, and two triangles a side."""
+    base, n = disc_of(outline), len(outline)
+    faces = [*base.faces[:, ::-1], *(base.faces + n + 1)]
+    for i in range(n):
+        j = (i + 1) % n
+        faces += [(i, j, j + n + 1), (i, j + n + 1, i + n + 1)]
+    above = base.vertices + np.array([0, 0, depth])
+    return Mesh(np.vstack([base.vertices, above]), np.array(faces))
+
+
+def bent_area(mesh):
+    return float(curved.hierarchical(bend(mesh))[0].lumped.sum())
+
+
+@pytest.mark.parametrize("segments", [4, 16])
+@pytest.mark.parametrize("length", [4.0, 20.0])
+def test_straight_sides_beside_round_ends_stay_straight(segments, length):
+    outline, base = rounded(segments, length), np.pi + 2 * length
+    assert bent_area(disc_of(outline)) == pytest.approx(base, rel=0.01)
+    wall = np.pi + length  # half of its circumference
+    prism = prism_of(outline, 0.5)
+    assert bent_area(prism) == pytest.approx(2 * base + wall, rel=0.01)
+    fine = prism_of(rounded(64, length), 0.5)
+    fine = Mesh(*trimesh.remesh.subdivide_to_size(fine.vertices, fine.faces, 0.5)[:2])
+    exact = spectrum.compute(fine, 3, operator=Operator(elements="quadratic")).eigenvalues
+    np.testing.assert_allclose(surface_eigenvalues(prism, 3), exact, rtol=0.01)
+
+
+def test_a_lone_short_side_between_long_ones_bends_none():
+    corners = np.array([[1.0, 0.95], [0.95, 1.0]])
+    turns = [np.array([[c, -s], [s, c]]) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))]
+    outline = np.vstack([corners @ turn.T for turn in turns])  # a square with its corners cut off
+    assert bent_area(disc_of(outline)) == pytest.approx(4, rel=2e-3)
+
+
+@given(st.integers(0, 2**32))
+@settings(max_examples=20)
+def test_arcs_of_a_circle_are_on_it_however_its_points_are_spread(seed):
+    angles = np.linspace(0, 2 * np.pi, 25)[:-1] + np.random.default_rng(seed).uniform(0, 0.2, 24)
+    patches = bend(disc_of(np.column_stack([np.cos(angles), np.sin(angles)])))
+    on_rim = (patches.ends < 24).all(axis=1)
+    assert on_rim.sum() == 24
+    np.testing.assert_allclose(np.linalg.norm(middles(patches)[on_rim], axis=1), 1, atol=2e-3)
 
 
 def test_an_edge_of_three_faces_stays_straight():
@@ -251,7 +311,7 @@ def test_the_estimate_holds_where_a_mesh_is_too_coarse_for_an_eigenvalue(uncut):
         split_b=1,
         subdivisions=1,
     )
-    with pytest.warns(UserWarning, match="too long or too large"):
+    with pytest.warns(UserWarning, match="too long, too large or too thin"):
         values = surface_eigenvalues(cone, 20)
     linear = spectrum.of_matrices(curved.hierarchical(bend(cone))[0], 20).eigenvalues
     assert (values > 0.4 * linear).all()

@@ -148,11 +148,52 @@ def test_a_mesh_that_is_turned_or_numbered_anew_is_cut_alike(name):
         np.testing.assert_allclose(surface_eigenvalues(other), expected, rtol=1e-8)
 
 
+def fan(points):
+    """Return the triangles that a polygon's first corner makes with its sides, most very obtuse."""
+    plane = np.column_stack([points, np.zeros(len(points))])
+    return Mesh(plane, np.array([(0, i, i + 1) for i in range(1, len(points) - 1)]))
+
+
+@pytest.mark.parametrize("k", [1, 8])
+@pytest.mark.parametrize("sections", [24, 40])
+def test_obtuse_triangles_count_as_long_as_they_are_wide_around(sections, k):
+    angles = 2 * np.pi * np.arange(sections) / sections
+    mesh = fan(np.column_stack([10 * np.cos(angles), np.sin(angles)]))
+    known = {"flatness": 0.1, "triangulation": "uniform", "vertices": 100, "seed": 0}
+    exact = FAMILIES["elliptic_disc"].limit_spectrum(known, k).eigenvalues / 100
+    np.testing.assert_allclose(surface_eigenvalues(mesh, k), exact, rtol=0.03)
+
+
+@pytest.mark.parametrize("k", [1, 3])
+@pytest.mark.parametrize("sections", [64, 1000])
+def test_needles_from_the_middle_of_a_disc_end_no_estimate_too_early(sections, k):
+    angles = 2 * np.pi * np.arange(sections) / sections
+    rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(sections)])
+    faces = [(sections, i, (i + 1) % sections) for i in range(sections)]
+    values = surface_eigenvalues(Mesh(np.vstack([rim, np.zeros(3)]), np.array(faces)), k)
+    np.testing.assert_allclose(values[:2], 3.389958, rtol=2e-3)  # the square of J₁′'s first zero
+
+
+def test_few_wide_patches_between_good_ones_are_left():
+    mesh = scattered(40)
+    patches = bend(mesh)
+    longest = np.linalg.norm(np.diff(mesh.vertices[patches.ends], axis=1), axis=-1).max() * 1.001
+    assert len(too_long(patches, longest)) == 0
+    i, j, k = mesh.faces[0]
+    near = 0.5 * (mesh.vertices[i] + mesh.vertices[j]) * (1 - 1e-6) + 1e-6 * mesh.vertices[k]
+    faces = [*mesh.faces[1:], *((a, b, len(mesh.vertices)) for a, b in ((i, j), (j, k), (k, i)))]
+    thin = straight(Mesh(np.vstack([mesh.vertices, near]), np.array(faces)))
+    assert len(too_long(thin, longest)) == 0
+    assert too_long(thin, longest / 2).max() > 2 * too_long(patches, longest / 2).max()
+
+
 def test_where_cutting_would_make_too_many_it_is_said(monkeypatch):
     family, parameters = coarse("cylinder")
     mesh = family.generate(parameters)
     monkeypatch.setattr(surface, "MOST", 0)
-    with pytest.warns(UserWarning, match=r"too long or too large.*subdivide the mesh") as caught:
+    with pytest.warns(
+        UserWarning, match=r"too long, too large or too thin.*subdivide the mesh"
+    ) as caught:
         values = surface_eigenvalues(mesh)
     assert caught[0].filename == __file__
     exact = family.limit_spectrum(parameters).eigenvalues
@@ -180,7 +221,7 @@ def test_where_finer_patches_cannot_be_certified_the_estimate_is_that_of_the_coa
         return solved(patches, k)
 
     monkeypatch.setattr(surface, "_solved", once)
-    with pytest.warns(UserWarning, match="too long or too large"):
+    with pytest.warns(UserWarning, match="too long, too large or too thin"):
         values = surface_eigenvalues(mesh)
     assert sizes[0] == len(mesh.vertices) < sizes[1]
     values_of_mesh, energies = solved(bend(mesh), 10)
