@@ -198,9 +198,9 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         if protocol == "paper":
             parser.error("the trained baselines keep no numbers of the test shapes' copies")
         if board != SCALING and not (version in BATCH and protocol):
-            parser.error(f"there is no board {board!r}: choose of {', '.join(BOARDS)}")
+            parser.error(f"there is no board {board!r}: choose one of {', '.join(BOARDS)}")
     if unknown := set(options.run or ()) - set(SEEDS):
-        parser.error(f"there is no row {min(unknown)!r}: choose of {', '.join(SEEDS)}")
+        parser.error(f"there is no row {min(unknown)!r}: choose one of {', '.join(SEEDS)}")
     return options
 
 

@@ -83,8 +83,8 @@ random, a rate that stays for 2,500 steps, falls until step 5,000 and stays low,
 weights of mostly the last tenth of the steps. A training ends when the last quarter of its steps,
 all of them at the low rate, has improved the RPD of 200 validation shapes by less than 2 %. A
 longer schedule takes a network further: the paper's best row is also *trained longer*, with a rate
-that stays for 6,000 steps and falls until step 10,000. The rows of Table 1 are also to be trained
-as the paper says, without normalisation, for three hours each. Minutes are those of one thread
+that stays for 6,000 steps and falls until step 10,000. The rows of Table 1 are also trained as
+the paper says, without normalisation, for three hours each. Minutes are those of one thread
 beside other work; "minutes to the paper's best" end when PSNR>20 of the 200 validation shapes
 passes 86.84 %, the paper's best on its test split. `python -m baselines.gcn.queue` shows what is
 done and what is left, and continues with `--run`. Scores are means over every instance of the test
@@ -96,10 +96,10 @@ that: RPDLoss is constant where an output is negative, so an output that starts 
 gradient, and PyTorch's default initialisation puts about half of the ten outputs there.
 """
 AS_PRINTED = """\
-The three rows of Table 1 are also to be trained as the paper says: coordinates and eigenvalues are
-not normalised, the optimiser is SGD with a constant rate of 1e-3 and batches of 32 meshes, and 200
-epochs over nine instances of each shape are 651,600 steps. One core takes days for them; each row
-is to get three hours, and the table says how far it has come. The last columns continue the
+The three rows of Table 1 are also trained as the paper says: coordinates and eigenvalues are not
+normalised, the optimiser is SGD with a constant rate of 1e-3 and batches of 32 meshes, and 200
+epochs over nine instances of each shape are 651,600 steps. One core takes days for them, so a row
+is finished after three hours; the table says how far each has come. The last columns continue the
 validation RPD to the paper's last step by the power of the steps that fits the second half. That
 is an extrapolation and not a result."""
 AS_PRINTED_CAPTION = """\

@@ -182,7 +182,7 @@ def _check_sources(directories: Inputs, target: Location) -> None:
     seen: dict[Path, Path] = {}
     for directory in directories:
         if not directory.exists():
-            raise MeshImportError(f"{directory} is not there")
+            raise MeshImportError(f"there is no file or directory {directory}")
         if not (directory.is_dir() or directory.is_file()):
             raise MeshImportError(f"{directory} is a pipe or a device: give directories or files")
         resolved = directory.resolve()

@@ -19,12 +19,15 @@ def draw_shape(recipe: Recipe, family: str, index: int) -> ShapeSpec:
     Where surfaces come in several sizes, the meshes of a surface have numbers that follow each
     other. Their kinds of triangulation take turns, so that no kind goes with a size.
 
+    Raise RecipeError if there is no such family.
+
     Examples
     --------
     >>> from synthnet import recipe
     >>> draw_shape(recipe.load("1.0"), "sphere", 0).id
     'sphere-00000'
     """
+    _check_family(family)
     surface, copy = divmod(index, recipe.copies)
     rng = generator(recipe.seed, family, surface, PARAMETERS)
     parameters: Parameters = draw(recipe.families[family].parameters, rng)
@@ -42,6 +45,14 @@ def draw_shape(recipe: Recipe, family: str, index: int) -> ShapeSpec:
         parameters=parameters,
         group=FAMILIES[family].group(parameters),
     )
+
+
+def _check_family(name: str) -> None:
+    if name not in FAMILIES:
+        raise RecipeError(
+            f"unknown family {name!r}: choose from {', '.join(FAMILIES)}, which "
+            "synthnet/families/__init__.py names"
+        )
 
 
 def draw_instances(recipe: Recipe, spec: ShapeSpec) -> Floats:
@@ -63,8 +74,7 @@ def draw_shapes(recipe: Recipe) -> list[ShapeSpec]:
     (16550, 'rectangular_prism-00000')
     """
     for name, family in recipe.families.items():
-        if name not in FAMILIES:
-            raise RecipeError(f"unknown family {name!r}: choose from {', '.join(FAMILIES)}")
+        _check_family(name)
         given = [*family.parameters, *(TRIANGULATION if recipe.sizes else ())]
         if sorted(given) != sorted(FAMILIES[name].least):
             raise RecipeError(

@@ -76,7 +76,7 @@ def test_an_interrupt_names_shards_where_a_command_makes_them(words, kept, run, 
 
 def test_bars_that_were_never_begun_leave_no_line(run, tmp_path):
     missing = tmp_path / "scans"
-    line = f"synthnet: {missing} is not there\n"
+    line = f"synthnet: there is no file or directory {missing}\n"
     assert run("import", missing, "--name", "scans") == (2, "", line)
 
 

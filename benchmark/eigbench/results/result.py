@@ -230,7 +230,8 @@ def _check_version(result: Any, required: dict[str, Any], path: Path) -> None:
     if isinstance(metric, int) and metric != METRIC_VERSION:
         raise ResultError(
             f"{path} has scores of metric version {metric}, these are version {METRIC_VERSION}: "
-            "on a board, eigbench leaderboard --rescore makes them anew from its predictions"
+            "on a board, eigbench leaderboard --rescore makes them anew from its predictions; "
+            "elsewhere, evaluate its predictor again"
         )
 
 

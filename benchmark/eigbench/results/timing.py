@@ -104,7 +104,8 @@ def asked(truth: Truth, count: int) -> NDArray[np.int64]:
     if len(first) < count:
         raise EigbenchError(
             f"{truth.version} has {len(first)} shapes in its {truth.split} split, and none is "
-            f"timed twice: --meshes times --repeats may be {len(first)} at most"
+            f"timed twice: --meshes times --repeats may be {len(first)} at most, "
+            "so give fewer --meshes"
         )
     return np.sort(truth.order[first[:count]])
 
