@@ -34,7 +34,7 @@ POINTS = np.vstack([np.eye(3), (np.eye(3) + np.roll(np.eye(3), 1, axis=1)) / 2, 
 EQUAL_SIDES = 3**0.5 / 2  # the side of a triangle of equal sides over the diameter of its circle
 WIDEST = 4.0  # times its longest side: a thin patch between good ones bends nothing else
 FEW = 0.01  # of the patches
-AS_LONG = 1e-6  # relative, between two diagonals of which rounding must not choose one
+AS_LONG = 1e-6  # relative, between two lengths of which rounding must not choose one
 
 
 def shorten(patches: Patches, longest: float, most: int) -> Patches:
@@ -55,7 +55,7 @@ def shorten(patches: Patches, longest: float, most: int) -> Patches:
     """
     start = len(patches.vertices)
     while len(patches.vertices) < 2 * start and len(over := too_long(patches, longest)):
-        least = over.max() / 2
+        least = (0.5 + AS_LONG) * over.max()
         while np.count_nonzero(over > least) < min(start / 4, np.count_nonzero(over > 1)):
             least /= 2
         finer = split(patches, over > max(least, 1.0))
@@ -78,7 +78,8 @@ def too_long(patches: Patches, longest: float) -> Floats:
     sides = lengths[patches.sides]
     most = sides.max(axis=1)
     across = np.cross(edges[patches.sides[:, 0]], edges[patches.sides[:, 1]])
-    widths = EQUAL_SIDES * sides.prod(axis=1) / np.linalg.norm(across, axis=1)
+    with np.errstate(divide="ignore"):
+        widths = EQUAL_SIDES * sides.prod(axis=1) / np.linalg.norm(across, axis=1)
     widths = np.minimum(widths, WIDEST * most)
     if lengths.max() <= longest and np.count_nonzero(widths > longest) <= FEW * len(widths):
         return np.empty(0)
