@@ -56,7 +56,7 @@ def shorten(patches: Patches, longest: float, most: int) -> Patches:
     start = len(patches.vertices)
     while len(patches.vertices) < 2 * start and len(over := too_long(patches, longest)):
         least = (0.5 + AS_LONG) * over.max()
-        while np.count_nonzero(over > least) < min(start / 4, np.count_nonzero(over > 1)):
+        while least > 1 and np.count_nonzero(over > least) < start / 4:
             least /= 2
         finer = split(patches, over > max(least, 1.0))
         if len(finer.vertices) > most:
