@@ -5,7 +5,8 @@ ends at right angles to the normals there, and a triangle the quadratic patch th
 and the middles of its three arcs. Weights of the triangles are Max's, which are exact on spheres
 and good where the triangles around a vertex are nearly symmetric; elsewhere a normal is off by a
 term of order h. Where a large face is in one plane with a neighbour and meets faces that are much
-smaller, as on CAD parts beside a fillet, it is a flat part of the surface, and has the normal.
+smaller, as on CAD parts beside a fillet, it is a flat part of the surface, and only such faces
+settle the normal.
 
 Across a crease, where two triangles meet at more than :data:`CREASE`, the surface has a normal on
 each side, and an edge along the crease is an arc in both sides' planes. At a boundary, the tangent
@@ -30,7 +31,7 @@ from synthnet.types import Mesh
 
 CREASE = 55.0  # degrees between the normals of two triangles: below those of a hexagon's sides
 RISE = 0.2  # of an edge's length, the most that it is bent
-UNEVEN = 3.0  # times as large as another face of the same normal: it settles that, if it is flat
+UNEVEN = 3.0  # times as large as another face of the same normal: flat ones then settle that
 COPLANAR = 0.05  # degrees to a neighbour, below which a face is part of something flat
 LONG = 2.0  # times as long as the next edge of a boundary: its direction is not settled by both
 STRAIGHT = 0.1  # sine between two sides' normals, below which a crease has no direction of its own
@@ -232,20 +233,25 @@ def _normals(
             _orient(faces, corners, signs, queue)
         for p in range(corners.shape[0]):
             f = corners[p] // 3
-            smallest, largest, settled = areas[f], 0.0, 0
+            smallest, largest = areas[f], 0.0
             normal[:] = 0.0
             for q in range(corners.shape[0]):
                 g = corners[q] // 3
                 sign = signs[p] * signs[q]
                 if sign * dot(units[f], units[g]) > cosine:
                     smallest = min(smallest, areas[g])
-                    if flat[g] and areas[g] > largest:
-                        largest, settled = areas[g], q
+                    largest = max(largest, areas[g] if flat[g] else 0.0)
                     for x in range(3):
                         normal[x] += sign * weights[g, corners[q] % 3] * units[g, x]
             if largest > UNEVEN * smallest:
-                for x in range(3):
-                    normal[x] = signs[p] * signs[settled] * units[corners[settled] // 3, x]
+                normal[:] = 0.0
+                for q in range(corners.shape[0]):
+                    g = corners[q] // 3
+                    sign = signs[p] * signs[q]
+                    alike = sign * dot(units[f], units[g]) > cosine
+                    if alike and flat[g] and areas[g] > UNEVEN * smallest:
+                        for x in range(3):
+                            normal[x] += sign * weights[g, corners[q] % 3] * units[g, x]
             length = np.sqrt(dot(normal, normal))
             for x in range(3):
                 normals[f, corners[p] % 3, x] = normal[x] / length

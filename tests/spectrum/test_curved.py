@@ -236,6 +236,20 @@ def test_straight_sides_beside_round_ends_stay_straight(segments, length):
     np.testing.assert_allclose(surface_eigenvalues(prism, 3), exact, rtol=0.01)
 
 
+def test_rows_of_a_tube_may_be_of_any_height():
+    """The large faces of two sides, as large as each other, share the normal between them."""
+    angles = 2 * np.pi * np.arange(16) / 16
+    heights = np.array([0.0, 0.1, 0.2, 1.2, 2.2])
+    points = [(np.cos(a), np.sin(a), z) for z in heights for a in angles]
+    faces = []
+    for row in range(4):
+        for i in range(16):
+            a, b = 16 * row + i, 16 * row + (i + 1) % 16
+            faces += [(a, b, b + 16), (a, b + 16, a + 16)]
+    patches = bend(Mesh(np.array(points), np.array(faces)))
+    np.testing.assert_allclose(np.linalg.norm(middles(patches)[:, :2], axis=1), 1, atol=2e-3)
+
+
 def test_a_lone_short_side_between_long_ones_bends_none():
     corners = np.array([[1.0, 0.95], [0.95, 1.0]])
     turns = [np.array([[c, -s], [s, c]]) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1))]
