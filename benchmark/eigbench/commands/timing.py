@@ -49,11 +49,8 @@ def add_commands(command: Command) -> None:
     arguments.count(sub, "--batch-size", "B", "meshes a call", 10)
     repeats = "batches of each size, of other shapes; the median of their times counts"
     arguments.count(sub, "--repeats", "R", repeats, 3)
-    text = (
-        "meshes that nobody has seen, drawn and labelled for this run; their times do not count, "
-    )
-    text += "but tell whether a predictor knows the others; 0: none"
-    arguments.count(sub, "--fresh", "N", text, FRESH, least=0)
+    fresh = "meshes that nobody has seen, whose times show who knows the others; 0: none"
+    arguments.count(sub, "--fresh", "N", fresh, FRESH, least=0)
     arguments.time_limit(sub, 600.0)
     predict.add_sandbox(sub)
     arguments.out(sub, "times.json", "the result")
@@ -107,8 +104,8 @@ def run_time(options: argparse.Namespace) -> int:
 
 def with_unseen(labels: Truth, instances: Instances, count: int) -> tuple[Truth, Instances]:
     """Return labels and meshes with those of a fresh draw behind, at most ``count`` surfaces."""
-    families = recipe.load(labels.version).families.values()
-    surfaces = sum(family.count for family in families)
+    version = recipe.load(labels.version)
+    surfaces = sum(map(version.drawn, version.families)) // version.copies
     with tempfile.TemporaryDirectory() as folder:
         draws = unseen.Draws(min(1.0, count / surfaces), Path(folder))
         fresh = draws.labels(labels)
