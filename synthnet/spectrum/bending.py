@@ -364,25 +364,24 @@ def _of_rim(vertices: Floats, rim: Int32s, i: int, cosine: float, tangent: Float
     before, after = rim[i]
     if not _circle(vertices, before, i, after, cosine, tangent):
         return
-    first, second = _square(vertices, before, i), _square(vertices, i, after)
-    if max(first, second) <= LONG * LONG * min(first, second):
+    one, other = vertices[i] - vertices[before], vertices[after] - vertices[i]
+    first, second = dot(one, one), dot(other, other)
+    short = min(first, second)
+    if max(first, second) <= LONG * LONG * short:
         return
-    sign, near, far = (-1.0, before, after) if first < second else (1.0, after, before)
+    sign, near = (-1.0, before) if first < second else (1.0, after)
     beyond = rim[near, 1] if rim[near, 0] == i else rim[near, 0]
-    short = _square(vertices, i, near)
+    next_one = vertices[beyond] - vertices[near]
     at_near = np.empty(3)
     if _circle(vertices, i, near, beyond, cosine, at_near) and (
-        _square(vertices, near, beyond) <= LONG * LONG * short
+        dot(next_one, next_one) <= LONG * LONG * short
     ):
         edge = vertices[near] - vertices[i]
         along = 2 * dot(at_near, edge) / short
         for x in range(3):  # the chord's mirror image of the tangent at its other end
             tangent[x] = sign * (along * edge[x] - at_near[x])
-        return
-    one, other = vertices[i] - vertices[before], vertices[after] - vertices[i]
-    if 2 * dot(one, other) ** 2 < (1 + cosine) * first * second:  # by more than half a crease
-        for x in range(3):
-            tangent[x] = sign * (vertices[i, x] - vertices[far, x])
+    elif 2 * dot(one, other) ** 2 < (1 + cosine) * first * second:  # by more than half a crease
+        tangent[:] = one if first > second else other
 
 
 @part
@@ -398,15 +397,6 @@ def _circle(vertices: Floats, i: int, j: int, k: int, cosine: float, tangent: Fl
     for x in range(3):
         tangent[x] = before[x] / first + after[x] / second
     return True
-
-
-@part
-def _square(vertices: Floats, i: int, j: int) -> float:
-    """Return the square of the distance of two vertices."""
-    total = 0.0
-    for x in range(3):
-        total += (vertices[j, x] - vertices[i, x]) ** 2
-    return total
 
 
 @part
