@@ -137,10 +137,12 @@ def percent(share: float) -> str:
 
     Examples
     --------
-    >>> percent(0.0123), percent(4e-13)
-    ('1.230 %', 'exact')
+    >>> percent(0.0123), percent(9947.9018), percent(4e-13)
+    ('1.230 %', '994,790.180 %', 'exact')
     """
-    return "exact" if share <= scores.EXACT else f"{error(100 * share, 3)} %"
+    if share <= scores.EXACT:
+        return "exact"
+    return f"{100 * share:,.3f} %" if share > 1 else f"{error(100 * share, 3)} %"
 
 
 def ms(seconds: float) -> str:

@@ -196,7 +196,8 @@ def overall(scored: dict[str, Any]) -> Table:
 def families(scored: dict[str, Any]) -> Table:
     """Return the table by family, as the paper's Table 4, with all metrics."""
     rows = []
-    for name, family in scored["families"].items():
+    for name in in_order(scored["families"]):
+        family = scored["families"][name]
         cells = [score(family[key]["mean"], key) for key in MAIN]
         rows.append([family_title(name), f"{family['count']:,}", *cells])
     return Table(["family", "instances", *(METRICS[key].title for key in MAIN)], rows)

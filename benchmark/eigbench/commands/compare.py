@@ -11,7 +11,7 @@ from tabulate import tabulate
 from eigbench import results
 from eigbench.board import error_figures, figures, ranking
 from eigbench.board.ranking import RANKED_BY, Difference
-from eigbench.board.tables import family_title, number
+from eigbench.board.tables import family_title, in_order, number
 from eigbench.commands import arguments, queries
 from eigbench.commands.arguments import Command
 from eigbench.errors import EigbenchError
@@ -75,7 +75,7 @@ def compare(options: argparse.Namespace) -> int:
         overall = {key: _difference(a, b, key) for key in METRICS}
         families = {
             family: _difference(a, b, RANKED_BY, family)
-            for family in sorted(set(a.truth.families.tolist()))
+            for family in in_order(a.truth.families.tolist())
         }
     if options.json:
         differences = {
