@@ -228,9 +228,21 @@ def imported_name(resolved: Recipe, split: str, protocol: str) -> str:
 
 
 def _of_import(version: str, protocol: str, labels: Mapping[str, pins.Pin]) -> Truth:
-    """Return the labels of an import; its digest is that of the pins, so of the very meshes."""
+    """Return the labels of an import; its digest is that of the pins, so of the very meshes.
+
+    Copies of a file have the same label to the last bit, and are one group.
+    """
+    groups: dict[bytes, str] = {}
     shapes = (
-        _Labelled(id, id, id.rpartition("-")[0], 0, "test", ("test",), pin.eigenvalues)
+        _Labelled(
+            id,
+            groups.setdefault(pin.eigenvalues.tobytes(), id),
+            id.rpartition("-")[0],
+            0,
+            "test",
+            ("test",),
+            pin.eigenvalues,
+        )
         for id, pin in labels.items()
     )
     lines = "\n".join(f"{id} {pin.digest}" for id, pin in labels.items())

@@ -4,11 +4,14 @@ import dataclasses
 
 import numpy as np
 import pytest
+import trimesh
 from eigbench.errors import EigbenchError
 from eigbench.scoring import truth
 
 from synthnet import store
+from synthnet.build import importing
 from synthnet.errors import RecipeError
+from synthnet.families import FAMILIES
 
 SIZES = {
     ("1.0-mini", "train", "grouped"): (2106, 234),
@@ -166,3 +169,15 @@ def test_equal_shapes_are_one_group(splits):
     for group in set(labels.groups.tolist()):
         families = set(labels.families[labels.groups == group].tolist())
         assert len(families) == 1
+
+
+def test_copies_of_an_imported_file_are_one_shape(tmp_path):
+    scans = tmp_path / "scans"
+    scans.mkdir()
+    for name, radius in {"a": 1.0, "b": 2.0, "copy": 1.0}.items():
+        sphere = FAMILIES["sphere"].generate({"radius": radius, "resolution": 12})
+        trimesh.Trimesh(sphere.vertices, sphere.faces).export(scans / f"{name}.ply")
+    importing.import_meshes([scans], "mine", root=tmp_path / "data", workers=1)
+    labels = truth.of_import(store.open_dataset("mine", tmp_path / "data"), "2.0")
+    assert len(labels.ids) == 3
+    assert sorted(np.unique(labels.groups, return_counts=True)[1].tolist()) == [1, 2]
