@@ -279,11 +279,11 @@ class Rate(ProgressColumn):
 
 
 class _Bars(Progress):
-    """Bars that leave no empty line in a log where none of them was begun."""
+    """Bars that leave no empty line in a log where none of them was shown."""
 
     def stop(self) -> None:
         """Stop; rich ends the last line of a log, whether there is one or not."""
-        if self.tasks:
+        if self.tasks and self.live.is_started:
             super().stop()
         else:
             self.live.stop()

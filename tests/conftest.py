@@ -223,7 +223,7 @@ def called(main, captured, *arguments):
 
 def only_line(code, out, err):
     """Return the one line on stderr of a command that could not do it."""
-    line = err.strip()
+    line = err.removesuffix("\n")
     assert (code, out, line.count("\n")) == (2, "", 0), err
     assert line.startswith(("synthnet", "eigbench"))
     return line
