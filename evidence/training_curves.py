@@ -25,8 +25,8 @@ NOT_RUN = "not run"
 ERRORS = (0.1, 0.2, 0.5, 1, 2, 5)  # at the axis
 SCORED = "validation_rpd"
 HEADERS = ("trained by", "steps", "of the paper's", "minutes", "validation RPD", "PSNR>20")
-HEADERS += ("the form that learns had that RPD after", "RPD by then, if it went on so")
-HEADERS += ("RPD reported",)
+HEADERS += ("the form that learns had that RPD after",)
+HEADERS += ("RPD at the paper's last step, if it goes on so", "RPD reported")
 
 
 @cache
