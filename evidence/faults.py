@@ -43,6 +43,7 @@ from synthnet.verify.checks import verify_files
 
 VICTIMS = ("the build", "a worker", "all its processes")
 AT_THE_END = 0.2  # of the kills: once the last shard is there, so that the manifest is hit
+ALTERED = "byte altered"
 Missing = Callable[[str], bool]
 
 
@@ -102,7 +103,7 @@ def all_faults(
     return {
         "killed": lambda rng: kill_builds(reference, folder, kills, rng),
         "disk full": lambda rng: fill_disks(reference, folder, few, rng),
-        "byte altered": lambda rng: flip_bytes(reference, folder, flips, rng),
+        ALTERED: lambda rng: flip_bytes(reference, folder, flips, rng),
         "out of memory": lambda rng: starve_workers(reference, folder, few, rng),
         "two at once": lambda rng: build_twice(reference, folder, 2 * few, rng),
         "two at one URL": lambda rng: build_twice_at_a_url(reference, few, rng),
@@ -343,7 +344,7 @@ def flip_bytes(
     reference: Path, folder: Path, flips: int, rng: random.Random, *, build_every: int = 10
 ) -> Outcome:
     """Alter one byte of one file at a time: verify must name it, a build mend or refuse."""
-    outcome = Outcome("byte altered")
+    outcome = Outcome(ALTERED)
     expected = contents(reference)
     shards, limits = ([n for n in expected if n.startswith(d)] for d in ("shards/", "limits/"))
     kinds = [shards, shards, limits, [store.MANIFEST]]
@@ -393,9 +394,13 @@ def unmended(home: Path, name: str, expected: Files, outcome: Outcome) -> str | 
 
 def claim(data: dict) -> str:
     """Return what came of all cases together."""
-    cases = sum(row["cases"] for row in data["rows"])
+    cases = {row["fault"]: row["cases"] for row in data["rows"]}
+    altered = cases.pop(ALTERED)
     wrong = sum(len(row["wrong"]) for row in data["rows"])
-    return f"{cases} disturbed builds, {wrong or 'none'} of them with a wrong dataset at the end."
+    return (
+        f"{sum(cases.values())} disturbed builds and {altered} altered files: "
+        f"{wrong or 'none'} left a wrong dataset that no command names."
+    )
 
 
 def table(data: dict) -> str:

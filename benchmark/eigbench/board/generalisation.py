@@ -54,6 +54,10 @@ EXPLAINED = (
     "run*: nobody has evaluated the model there; a note below the table says why, where one is "
     "marked."
 )
+MESH_EXPLAINED = (
+    "The same tests, scored against the mesh, and those on imported meshes, for which nothing is "
+    "held out of training."
+)
 NEAR_EXPLAINED = (
     "For each tested shape, the nearest shape of the training split that the protocol leaves: by "
     "the largest |ln(λ/λ')| of their surfaces' spectra (of imported meshes, of their labels), "

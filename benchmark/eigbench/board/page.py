@@ -218,7 +218,7 @@ def generalised(board: Board, page: Path, numbers: Path, figures: Mapping[str, P
     """
     marks = generalisation.remark_marks(board, board.models)
     first = board.target == SURFACE
-    explained = generalisation.EXPLAINED if first else "The same tests, scored against the mesh."
+    explained = generalisation.EXPLAINED if first else generalisation.MESH_EXPLAINED
     own = (rows for protocol, rows in board.held_out.items() if not on_imports(protocol))
     verified = _verified(itertools.chain(*own), " of models trained for a protocol")
     more = f"[PSNR>20, a table a protocol, how near training comes]({page.as_posix()})"

@@ -114,7 +114,7 @@ def introduction(sizes: Sequence[int], root: str = "") -> str:
         f"([what is measured]({root}docs/scaling.md)). Numbers are medians over the surfaces. The "
         "error is the mean relative error of the ten eigenvalues against the spectrum of the "
         "surface. The label is the exact spectrum of the mesh; its error is the discretisation "
-        "error, and rows with that error are exact solvers. A prediction wins if its error is at "
+        "error, and who answers it is an exact solver. A prediction wins if its error is at "
         "most twice the discretisation error and the fastest exact solver takes longer for the "
         "same error, on whichever mesh of that surface it takes. Times are compared within one "
         "hardware, device and number of threads only."
