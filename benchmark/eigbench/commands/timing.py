@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
+from scipy.stats import mannwhitneyu
 from tabulate import tabulate
 
 from eigbench import results
@@ -142,14 +143,18 @@ def described(
         "hardware": machine.hardware(),
         "environment": machine.environment(),
         "rows": [
-            {**_row(row, sizes, lapy.seconds, peers, options), **_errors(row, labels, public)}
+            {**_row(row, sizes, lapy.seconds, peers, options), **errors(row, labels, public)}
             for row in others
         ],
     }
 
 
-def _errors(timed: Timed, labels: Truth, public: int) -> dict[str, Any]:
-    """Return mean errors on the public meshes at each target, and what there is of fresh ones."""
+def errors(timed: Timed, labels: Truth, public: int) -> dict[str, Any]:
+    """Return mean errors on the public meshes at each target, and what there is of fresh ones.
+
+    The public meshes are the first of the labels. ``chance`` is from a rank test (Mann-Whitney, one
+    side): who is often exact has few errors by which medians could be compared.
+    """
     of_public = labels.take(np.arange(public))
     answered = timed.predictions[:, :public]
     said: dict[str, Any] = {
@@ -159,9 +164,12 @@ def _errors(timed: Timed, labels: Truth, public: int) -> dict[str, Any]:
         }
     }
     if public < len(labels.ids):
-        errors = scores.of_metric(labels, timed.predictions, "rpd")[0]
-        medians = {"rpd": errors[public:], "rpd_public": errors[:public]}
-        said["fresh"] = {key: float(np.median(of)) for key, of in medians.items()}
+        known, fresh = np.split(scores.of_metric(labels, timed.predictions, "rpd")[0], [public])
+        said["fresh"] = {
+            "rpd": float(np.median(fresh)),
+            "rpd_public": float(np.median(known)),
+            "chance": float(mannwhitneyu(fresh, known, alternative="greater").pvalue),
+        }
         if timed.longer is not None:
             said["fresh"]["longer"] = timed.longer
     return said

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from eigbench.board import leaderboard
-from eigbench.commands.timing import described
+from eigbench.commands.timing import described, errors
 from eigbench.errors import EigbenchError, PredictorError, ResultError
 from eigbench.results import timing
 from eigbench.running import box, clock
@@ -114,6 +114,8 @@ def test_who_knows_the_public_meshes_takes_longer_for_others(
         ({"rpd": 1e-5, "rpd_public": 0.0, "longer": 0.5}, ""),
         ({"rpd": 0.01, "rpd_public": 0.01, "longer": 7.14}, "take 7.1 times as long as public"),
         ({"rpd": 0.5, "rpd_public": 0.01}, "are answered with a median RPD of 0.5, public ones"),
+        ({"rpd": 0.5, "rpd_public": 0.0, "chance": 1e-9}, "are answered with a median RPD of 0.5"),
+        ({"rpd": 0.5, "rpd_public": 0.0, "chance": 0.2}, ""),  # half its answers are exact
     ],
 )
 def test_times_of_who_knows_the_public_meshes_are_refused(fresh, found, make_row, mini_truth):
@@ -123,6 +125,23 @@ def test_times_of_who_knows_the_public_meshes_are_refused(fresh, found, make_row
         row = make_row("It", mini_truth.eigenvalues)
         with pytest.raises(ResultError, match=f"while It was timed, meshes that .* {found}"):
             timing.check_answers(timed, row)
+
+
+@pytest.mark.attack
+@pytest.mark.parametrize(
+    ("public", "fresh", "knows"),
+    [(1.0, 0.0, True), (0.7, 0.0, True), (0.55, 0.45, False), (0.0, 0.0, False)],
+)
+def test_who_answers_public_meshes_better_is_told_from_who_is_often_exact(
+    public, fresh, knows, mini_truth
+):
+    draw = np.random.default_rng(0)
+    labels = mini_truth.take(np.arange(185))  # the last 50 as if nobody had seen them
+    exact = draw.random(185) < np.repeat([public, fresh], [135, 50])
+    answers = labels.eigenvalues * np.where(exact, 1, 1 + 0.01 * draw.random(185))[:, None]
+    timed = SimpleNamespace(predictions=answers[None], longer=1.0)
+    said = errors(timed, labels, 135)
+    assert bool(timing.knows(said)) == knows
 
 
 LATER = """
@@ -217,6 +236,7 @@ def test_command_writes_times_that_the_board_shows(
     for row in times["rows"]:  # they answer all meshes alike, none near the truth
         assert row["fresh"]["longer"] < timing.LONGER
         assert row["fresh"]["rpd"] > 0.1
+        assert row["fresh"]["chance"] > timing.CHANCE
     assert times["vertices"] == sorted(times["vertices"])
     assert slow["cost"]["peers"]["slow"] == {"ratio": 1.0, "low": 1.0, "high": 1.0}
     assert fast["cost"]["peers"]["slow"]["ratio"] > 2
