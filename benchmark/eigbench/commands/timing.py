@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from scipy.stats import mannwhitneyu
 from tabulate import tabulate
 
 from eigbench import results
@@ -164,6 +163,8 @@ def errors(timed: Timed, labels: Truth, public: int) -> dict[str, Any]:
         }
     }
     if public < len(labels.ids):
+        from scipy.stats import mannwhitneyu  # as late as here: it takes half a second
+
         known, fresh = np.split(scores.of_metric(labels, timed.predictions, "rpd")[0], [public])
         said["fresh"] = {
             "rpd": float(np.median(fresh)),
