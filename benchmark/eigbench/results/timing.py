@@ -23,8 +23,8 @@ AGREE = 1e-6  # relative, between a ratio and the quotient of the times
 # Relative and absolute, between two means of RPD: a model that trains while it loads may end like
 # another seed on another processor, and a solver may miss one eigenvalue of one mesh by chance
 ALIKE, SAME_RPD = 0.25, 1e-4
-# Probability below which fresh meshes have larger errors than public ones neither by luck, nor as
-# a small draw has other shares of the families; an honest row had 2e-3 for these
+# Down to this probability fresh meshes have larger errors by chance, or because a small draw has
+# other shares of the families, for which an honest row had 2e-3
 CHANCE = 1e-6
 
 
