@@ -468,6 +468,20 @@ def test_what_is_nearer_among_others_of_its_surface_is_named(mini_truth):
     assert rerun.better_among_others(every, chosen, 1.1 * mesh * jitter, 1.1 * mesh[chosen]) == []
 
 
+@pytest.mark.attack
+@pytest.mark.parametrize(("wild", "count"), [(np.nan, 1), (np.nan, 90), (np.inf, 1), (1e9, 9)])
+def test_wild_answers_hide_no_better_ones_among_others(mini_truth, wild, count):
+    every = targets.every(mini_truth)
+    mesh, chosen = every[0].eigenvalues, np.arange(0, 300, 3)
+    alone = 1.2 * mesh[chosen]
+    alone[:count] = wild
+    named = rerun.better_among_others(every[:1], chosen, 1.1 * mesh, alone)
+    assert len(named) == 1
+    honest = 1.1 * mesh
+    honest[chosen[:3]] = np.nan
+    assert rerun.better_among_others(every[:1], chosen, honest, honest[chosen]) == []
+
+
 @pytest.mark.parametrize(("declared", "size"), [(50, 10), (3, 3), (1, 1)])
 def test_batches_are_small_enough_for_times_to_be_compared(mini_truth, declared, size):
     shapes = np.array([f"shape-{i // 3}" for i in range(300)])
