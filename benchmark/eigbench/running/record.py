@@ -146,6 +146,8 @@ def copies_answered_otherwise(targeted: Iterable[Truth], evaluation: Evaluation)
 def larger(errors: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
     """Return whether errors are larger than paired ones, both (n,), by more than chance explains.
 
+    All must be finite.
+
     Examples
     --------
     >>> bool(larger(np.linspace(1, 2, 30), np.linspace(0.5, 1, 30)))
@@ -168,6 +170,7 @@ def _by_turn(
     Shapes with an error that is not finite are left out.
     """
     first, each = evaluation.first, np.broadcast_to(truth.shapes, errors.shape)
+    errors = np.where(np.isfinite(errors), errors, np.inf)  # NaN would be left out of a mean
     means = pd.DataFrame({"error": errors.ravel(), "first": first.ravel(), "shape": each.ravel()})
     by_turn = means.pivot_table("error", "shape", "first", dropna=False)
     if len(by_turn.columns) < 2:

@@ -4,6 +4,7 @@ import os
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -333,6 +334,15 @@ def test_a_predictor_that_rotations_change_answers_no_copies_otherwise(evaluated
     code += "[:10, 0]) for m in meshes])\n"  # which a rotation changes
     evaluation = evaluated(code, mini_truth, batch_size=50)
     assert record.copies_answered_otherwise(targets.every(mini_truth), evaluation) == []
+
+
+@pytest.mark.parametrize("wild", [np.nan, np.inf])
+def test_a_shape_with_a_copy_that_has_no_finite_error_is_left_out(wild):
+    truth = SimpleNamespace(shapes=np.array(["a", "a", "a", "b", "b", "b"]))
+    evaluation = SimpleNamespace(first=np.array([[True, False, False, True, False, False]]))
+    errors = np.array([[1.0, 2.0, 4.0, 1.0, 2.0, wild]])
+    new, again = record._by_turn(errors, truth, evaluation)
+    assert (new.tolist(), again.tolist()) == ([1.0], [3.0])
 
 
 KNOWS = """
