@@ -116,8 +116,10 @@ def kernel(function: Function) -> Function:
     """Compile a function of arrays and numbers to machine code at its first call.
 
     The code is kept in :func:`folder` for the next process; if that is not the user's own or
-    cannot be written, every process compiles again.
+    cannot be written, every process compiles again. With ``NUMBA_DISABLE_JIT`` it stays Python.
     """
+    if config.DISABLE_JIT:
+        return function
     # Numba's cache identifies a function by its name and its own file. The name here also holds
     # the module, which may be imported by two names (baselines.gcn and gcn), and the sources of
     # the kernels that it calls.
@@ -144,7 +146,13 @@ def part(function: Function) -> Function:
     return inlined
 
 
-@intrinsic  # type: ignore[untyped-decorator]  # numba has no types
+def _in_kernels(function: Callable[..., Any]) -> Callable[[Any], Any]:
+    """Return an intrinsic of Numba; where kernels stay Python, what returns its argument."""
+    known: Callable[[Any], Any] = intrinsic(function)
+    return (lambda array: array) if config.DISABLE_JIT else known
+
+
+@_in_kernels
 def uncounted(context: Any, array: Any) -> Any:
     """Return an argument of a kernel as an array whose slices are not counted as references.
 

@@ -55,6 +55,28 @@ def test_a_module_may_be_imported_by_two_names(order, tmp_path):
     assert list((tmp_path / "cache").rglob("*.nbi"))
 
 
+UNCOMPILED = """
+import numpy as np
+from synthnet import spectrum
+from synthnet.kernels import kernel
+from synthnet.types import Mesh
+
+def plain(x):
+    return x
+
+assert kernel(plain) is plain
+vertices = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+faces = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
+print(spectrum.compute(Mesh(vertices, faces), 2).eigenvalues.round(6))
+"""
+
+
+def test_without_numbas_compiler_the_solver_runs_in_python(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    out, err = python("-c", UNCOMPILED, folder=Path.cwd(), cache=tmp_path / "cache")
+    assert (out, err) == ("[2. 2.]\n", "")  # stiffness 4/√3, mass 2√3/3
+
+
 COMPILES = """
 import subprocess
 import sys
