@@ -129,24 +129,40 @@ def _check_out(out: Path, predictor: Path, partial: bool, labels: truth.Truth) -
     """Check that a result may be written: over none but one of the same file and dataset."""
     if not out.exists():
         return
-    earlier = results.read(out)
-    code = earlier["model"]["code"]
-    if code != code_name(predictor):
-        raise EigbenchError(f"{out} is the result of {code}: give {predictor.name} another --out")
-    facts = earlier["dataset"]
-    if (facts["version"], facts["protocol"]) != (labels.version, labels.protocol):
+    model, dataset, whole = _earlier(out)
+    if model["code"] != code_name(predictor):
         raise EigbenchError(
-            f"{out} is a result on {facts['version']}, protocol {facts['protocol']}: give another "
-            "--out"
+            f"{out} is the result of {model['code']}: give {predictor.name} another --out"
         )
-    if partial and not earlier["partial"]:
+    version, protocol = dataset["version"], dataset["protocol"]
+    if (version, protocol) != (labels.version, labels.protocol):
+        raise EigbenchError(
+            f"{out} is a result on {version}, protocol {protocol}: give another --out"
+        )
+    if partial and whole:
         raise EigbenchError(f"{out} is a whole result: give --limit another --out")
 
 
 def _check_name(out: Path, name: str) -> None:
     """Check that a result may be written: over none of a model of another name."""
-    if out.exists() and (there := results.read(out)["model"]["name"]) != name:
+    if out.exists() and (there := _earlier(out)[0]["name"]) != name:
         raise EigbenchError(f"{out} is the result of the model {there}: give {name} another --out")
+
+
+def _earlier(out: Path) -> tuple[dict[str, str], dict[str, str], bool]:
+    """Return what a result is of, model and dataset, and whether it is whole.
+
+    It may be of an earlier eigbench, whose results are to be made anew.
+    """
+    result = results.load(out)
+    try:
+        model = {key: result["model"][key] for key in ("code", "name")}
+        dataset = {key: result["dataset"][key] for key in ("version", "protocol")}
+        return model, dataset, not result["partial"]
+    except (KeyError, TypeError) as error:
+        raise EigbenchError(
+            f"{out} is no result of `eigbench evaluate`: give another --out"
+        ) from error
 
 
 def _contract(predictor: Path, labels: truth.Truth, settings: Options) -> dict[str, float | None]:

@@ -9,7 +9,7 @@ import pytest
 from eigbench.board import foreseen, tables
 from eigbench.commands import check
 from eigbench.commands.score import EXPLAINED
-from eigbench.results import predictions
+from eigbench.results import SCHEMA_VERSION, predictions
 from eigbench.results.sources import digest
 from eigbench.running import box
 from eigbench.scoring import physics
@@ -384,6 +384,13 @@ def test_evaluate_says_what_it_will_cost_and_where_the_columns_are_explained(
     assert f"{out} is the result of the model my_model: give Another another --out" in err
     assert out.read_bytes() == before
 
+    result = json.loads(before)
+    result["model"]["name"] = "Another"
+    out.write_text(json.dumps({**result, "schema_version": 1, "metric_version": 1}))
+    code, _, _ = eigbench("evaluate", path, *how)  # as an error about such a result advises
+    assert code == 0
+    assert json.loads(out.read_text())["schema_version"] == SCHEMA_VERSION
+
 
 def test_what_a_run_costs_is_foreseen_by_its_own_row_or_by_lapys(
     make_submission, mini_truth, predictor_file, tmp_path
@@ -438,6 +445,13 @@ def test_a_result_of_something_else_is_not_replaced(
     path = weyl.code if code == weyl.code.name else predictor_file(WEYL, code)
     assert f"{out} is {message}" in refused("evaluate", path, *on_mini, *more)
     assert out.read_bytes() == before
+
+
+def test_what_is_no_result_of_evaluate_is_not_replaced(refused, weyl, on_mini, tmp_path):
+    out = tmp_path / "r.json"
+    out.write_text(json.dumps({**weyl.result, "dataset": None}))
+    err = refused("evaluate", weyl.code, *on_mini)
+    assert err == f"eigbench: {out} is no result of `eigbench evaluate`: give another --out\n"
 
 
 def test_results_on_two_datasets_cannot_be_compared(refused, weyl, tmp_path):
