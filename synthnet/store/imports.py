@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from synthnet.errors import StoreError
+from synthnet.errors import DamagedError, StoreError
 from synthnet.types import Manifest
 
 IMPORTED = "imported"  # the key that marks a manifest's recipe as a description
@@ -85,6 +85,8 @@ def description_of(manifest: Manifest) -> ImportDescription:
     ------
     StoreError
         If the manifest lacks a part of it, as those before synthnet 0.1 did.
+    DamagedError
+        If a part is not what an import writes.
     """
     stored = dict(manifest.recipe)
     try:
@@ -100,4 +102,27 @@ def description_of(manifest: Manifest) -> ImportDescription:
             f"{manifest.version} was imported by a newer synthnet ({', '.join(sorted(stored))}): "
             "install a matching release"
         )
+    if not _is_whole(description):
+        raise DamagedError(
+            f"the manifest of {manifest.version} does not say how each of its files was imported: "
+            "remove it and import again"
+        )
     return description
+
+
+def _is_whole(description: ImportDescription) -> bool:
+    """Return whether the parts of a description that was read are of their types."""
+    options, files = description.options, description.files
+    return (
+        isinstance(options, dict)
+        and isinstance(options.get("split"), str)
+        and isinstance(description.limits, str)
+        and isinstance(description.rules, int)
+        and isinstance(files, dict)
+        and all(
+            isinstance(file, dict)
+            and isinstance(file.get("file"), str)
+            and isinstance(file.get("sha256"), str)
+            for file in files.values()
+        )
+    )

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from synthnet import recipe, store
-from synthnet.errors import StoreError
+from synthnet.errors import DamagedError, StoreError
 from synthnet.recipe import Kind, parse_name
 from synthnet.store import ImportDescription, StoredDataset, description_of
 from synthnet.types import Manifest
@@ -97,3 +97,23 @@ def test_a_description_with_other_parts_is_of_another_release():
     older = manifest("scans", {"imported": {}, "rules": "1.0"})
     with pytest.raises(StoreError, match="scans was imported by an older synthnet"):
         description_of(older)
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        {"imported": []},
+        {"imported": {}},
+        {"limits": None},
+        {"rules": "1.0"},
+        {"files": []},
+        {"files": {"a-00000": None}},
+        {"files": {"a-00000": {}}},
+        {"files": {"a-00000": {"file": "a.ply"}}},
+        {"files": {"a-00000": {"file": 1, "sha256": "0"}}},
+    ],
+)
+def test_a_description_that_no_import_writes_is_damaged(part):
+    damaged = manifest("scans", {**DESCRIPTION.to_dict(), **part})
+    with pytest.raises(DamagedError, match="^the manifest of scans does not say how each of its"):
+        StoredDataset(Path(), damaged).files()
