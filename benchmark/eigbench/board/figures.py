@@ -91,7 +91,7 @@ def error_against_time(submissions: Sequence[Submission], key: str = RANKED_BY) 
         number_marks(axes, points, floor=FLOOR)
         axes.set_ylabel(f"mean {METRICS[key].heading}; below {FLOOR:g} at the edge")
         beside = [
-            (str(p.number), f"{p.name}{_beyond(p)}", KINDS[p.kind][0])
+            (str(p.number), f"{p.name}{_beyond(p, key)}", KINDS[p.kind][0])
             for p in sorted(points, key=lambda p: p.number)
         ]
         name_key(axes, [*beside, *(("–", name, PALE) for name in absent)])
@@ -115,9 +115,9 @@ def _points(submissions: Sequence[Submission], key: str) -> tuple[list[Point], l
     return [Point(i, n, k, s, e) for i, (e, n, k, s) in enumerate(models, start=1)], absent
 
 
-def _beyond(point: Point) -> str:
+def _beyond(point: Point, key: str) -> str:
     """Return what the edges of the chart hide of a point."""
-    notes = ["exact"] if point.error < 1e-9 else []
+    notes = ["exact"] if point.error < 1e-9 and not METRICS[key].higher_is_better else []
     notes += [times_faster({"ratio": point.speed})] if point.speed > FASTEST else []
     return f" ({', '.join(notes)})" if notes else ""
 

@@ -435,6 +435,12 @@ def test_figure_names_every_row_and_has_no_date(board):
         assert name in text
 
 
+def test_exact_is_who_has_no_error_not_who_has_no_share(read):
+    worst = figures.error_against_time([read["far"]], "psnr20")
+    assert "Far" in worst
+    assert "exact" not in worst
+
+
 # --- the check ---------------------------------------------------------------------------
 
 
