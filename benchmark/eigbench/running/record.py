@@ -226,5 +226,6 @@ def checkout(code: Path) -> dict[str, Any]:
     if commit is None:
         return {}
     changed = git(folder, "status", "--porcelain", "--untracked-files=no")
-    untracked = git(folder, "ls-files", "--error-unmatch", "--", file.name) is None
+    named = f":(literal){file.name}"
+    untracked = git(folder, "ls-files", "--error-unmatch", "--", named) is None
     return {"checkout": {"commit": commit, "dirty": changed != "" or untracked}}

@@ -4,6 +4,7 @@ The code gets the public meshes and the fresh ones of ``unseen`` in one run, bat
 one secret order, so it trains once and is not told which of the two a mesh is of.
 """
 
+import glob
 import shutil
 import subprocess
 from collections.abc import Mapping, Sequence
@@ -61,7 +62,8 @@ class Checkouts:
         named = row.result.get("checkout", {}).get("commit")
         if named and git(self.board, "cat-file", "-e", f"{named}^{{commit}}") is None:
             named = None  # it was not fetched
-        files = [f":(top,glob)**/{name}" for name in row.result["model"]["sources"]]
+        names = map(glob.escape, row.result["model"]["sources"])
+        files = [f":(top,glob)**/{name}" for name in names]
         history = git(self.board, "log", "--format=%H", "HEAD", "--", *files)
         return [*filter(None, dict.fromkeys((head, named, *(history or "").split())))]
 
@@ -120,7 +122,7 @@ def code_in(folder: Path, row: Submission) -> Path:
     """
     model = row.result["model"]
     file, _, variant = model["code"].partition(":")
-    for path in sorted(folder.rglob(file)):
+    for path in sorted(folder.rglob(glob.escape(file))):
         here = {name: path.parent / name for name in model["sources"]}
         same = all(p.is_file() and digest(p) == model["sources"][n] for n, p in here.items())
         if same and not _unnamed(path.parent, here):

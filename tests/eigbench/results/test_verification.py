@@ -292,10 +292,11 @@ def test_code_that_does_not_parse_or_is_a_package_is_found_too(weyl, tmp_path):
         rerun.code_in(tmp_path, row)
 
 
-def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl, tmp_path):
+@pytest.mark.parametrize("name", ["weyl.py", "weyl[v2].py"])
+def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl, tmp_path, name):
     def commit(text):
-        (board / "weyl.py").write_text(text)
-        git(board, "add", "weyl.py")
+        (board / name).write_text(text)
+        git(board, "add", name)
         git(board, "commit", "-q", "-m", "Weyl")
         return git(board, "rev-parse", "HEAD")
 
@@ -310,7 +311,9 @@ def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl,
     git(board, "init", "-q")
     code = weyl.code.read_text()
     made_by = commit(code)
-    row = changed(submission.read(weyl.out), "checkout", commit=made_by, dirty=False)
+    sources = {name: digest(board / name)}
+    row = changed(submission.read(weyl.out), "model", code=name, sources=sources)
+    row = changed(row, "checkout", commit=made_by, dirty=False)
     tidy = commit(f"# tidied up\n{code}")
     assert taken(row) == (f"# tidied up\n{code}", tidy)
     commit(f"{code}\nCHANGED = True\n")
@@ -321,7 +324,6 @@ def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl,
     git(board, "add", beside.name)
     moved = commit(code)
     assert taken(row) == (code, made_by)
-    sources = row.result["model"]["sources"]
     named = changed(row, "model", sources={**sources, "numpy.py": digest(beside)})
     git(board, "rm", "-q", beside.name)
     commit(f"{code}\nCHANGED = True\n")
@@ -330,9 +332,9 @@ def test_the_code_of_a_row_is_taken_from_the_last_commit_that_still_has_it(weyl,
     unnamed = changed(row, "checkout", commit=None, dirty=True)
     assert taken(unnamed) == (f"# tidied up\n{code}", tidy)  # the history of its files has it
     assert list((tmp_path / "commits").glob("*")) == []
-    message = r"has the code and weights that .* names: weyl\.py: fetch"
+    message = rf"has the code and weights that .* names: {re.escape(name)}: fetch"
     with pytest.raises(ResultError, match=message):
-        taken(changed(row, "model", sources={"weyl.py": "0" * 64}))
+        taken(changed(row, "model", sources={name: "0" * 64}))
 
 
 def test_a_header_of_pep_723_is_read(tmp_path):

@@ -507,9 +507,11 @@ def test_commit_of_a_checkout_is_recorded_and_whether_the_code_is_in_it(checkout
     assert record.checkout(code) == clean
     code.write_text(FUNCTION + "\n# changed\n")
     assert record.checkout(code) == {"checkout": {"commit": commit, "dirty": True}}
-    other = checkout / "other.py"
-    other.write_text(FUNCTION)
-    assert record.checkout(other)["checkout"]["dirty"] is True
+    code.write_text(FUNCTION)
+    for name in ("other.py", "my_mode[l].py"):  # as a pattern, my_model.py has that name
+        other = checkout / name
+        other.write_text(FUNCTION)
+        assert record.checkout(other)["checkout"]["dirty"] is True
 
 
 def test_outside_of_a_checkout_no_commit_is_recorded(predictor_file, tmp_path, monkeypatch):
