@@ -115,5 +115,5 @@ def test_a_description_with_other_parts_is_of_another_release():
 )
 def test_a_description_that_no_import_writes_is_damaged(part):
     damaged = manifest("scans", {**DESCRIPTION.to_dict(), **part})
-    with pytest.raises(DamagedError, match="^the manifest of scans does not say how each of its"):
+    with pytest.raises(DamagedError, match=r"^the manifest of scans does not say how each of its"):
         StoredDataset(Path(), damaged).files()
