@@ -23,7 +23,7 @@ from eigbench.running import clock, machine, meshes, record, unseen
 from eigbench.running.box import Settings
 from eigbench.running.clock import Timed
 from eigbench.running.meshes import Instances
-from eigbench.running.predictor import check_file, split
+from eigbench.running.predictor import check_file, code_name
 from eigbench.running.process import REFERENCE_FILE
 from eigbench.scoring import scores, targets, truth
 from eigbench.scoring.truth import Truth
@@ -183,11 +183,10 @@ def _row(
     peers: dict[str, np.ndarray],
     options: argparse.Namespace,
 ) -> dict[str, Any]:
-    file, variant = split(timed.path)
     each = 1e3 * timed.seconds / sizes
     return {
         "name": timed.loaded.meta["name"],
-        "code": f"{file.name}:{variant}" if variant else file.name,
+        "code": code_name(timed.path),
         "sources": timed.status.sources,
         "loading_seconds": timed.loaded.loading_seconds,
         "cost": {

@@ -258,12 +258,12 @@ def test_command_writes_times_that_the_board_shows(
     assert "| against slow |" in text[leaderboard.BOARDS / "1.0-mini-test-grouped-mesh.md"]
 
 
-def test_a_peer_that_is_named_like_the_reference_does_not_replace_it(mini_truth):
+def test_a_peer_that_is_named_like_the_reference_does_not_replace_it(mini_truth, tmp_path):
     labels = mini_truth.take(np.arange(4))
 
     def took(name, seconds):
         return clock.Timed(
-            Path(f"{name}.py"),
+            tmp_path / f"{name}.py",
             np.array([seconds]),
             np.array([seconds]),
             labels.eigenvalues[None],
@@ -273,10 +273,13 @@ def test_a_peer_that_is_named_like_the_reference_does_not_replace_it(mini_truth)
         )
 
     options = SimpleNamespace(
-        batch_size=4, repeats=1, against=[Path("other.py")], dataset="1.0-mini", meshes=4
+        batch_size=4, repeats=1, against=[tmp_path / "other.py"], dataset="1.0-mini", meshes=4
     )
     timed = [took("reference", 2.0), took("other", 1.0)]
-    cost = described(timed, labels, np.arange(4), options)["rows"][0]["cost"]
+    (tmp_path / "other.py").symlink_to("linked.py")
+    (row,) = described(timed, labels, np.arange(4), options)["rows"]
+    assert row["code"] == "linked.py"  # as its result names it
+    cost = row["cost"]
     assert cost["reference"]["ratio"] == 2
     assert cost["peers"]["LaPy"]["ratio"] == 1
 
