@@ -109,7 +109,7 @@ def with_unseen(labels: Truth, instances: Instances, count: int) -> tuple[Truth,
     with tempfile.TemporaryDirectory() as folder:
         draws = unseen.Draws(min(1.0, count / surfaces), Path(folder))
         fresh = draws.labels(labels)
-        fresh = fresh.take(unseen.one_per_surface(fresh)[:count])
+        fresh = fresh.take(unseen.one_per_surface(fresh, count))
         drawn = meshes.read(draws.of(labels.version), fresh.ids)
     return unseen.mixed(labels, fresh), unseen.mixed_meshes(instances, drawn)
 

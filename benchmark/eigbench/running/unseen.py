@@ -101,11 +101,11 @@ def batch_size(declared: int, fresh: Truth) -> int:
     return max(1, min(declared, len(set(fresh.shapes.tolist())) // (2 * ENOUGH)))
 
 
-def one_per_surface(truth: Truth) -> NDArray[np.int64]:
+def one_per_surface(truth: Truth, most: int = APART) -> NDArray[np.int64]:
     """Return instances that have no surface in common, drawn anew, all of one training set."""
     rng = np.random.default_rng(secrets.randbits(128))
     order = rng.permutation(np.flatnonzero(truth.trainings == rng.choice(truth.trainings)))
-    return order[np.sort(np.unique(truth.groups[order], return_index=True)[1])][:APART]
+    return order[np.sort(np.unique(truth.groups[order], return_index=True)[1])][:most]
 
 
 def longer(

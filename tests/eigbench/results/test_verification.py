@@ -447,6 +447,7 @@ def test_meshes_are_asked_by_themselves_each_of_another_surface(mini_truth):
     for chosen in draws:
         assert len(set(groups[chosen])) == len(chosen) == unseen.APART
     assert draws[0].tolist() != draws[1].tolist()
+    assert len(unseen.one_per_surface(truth, 101)) == 101
     few = truth.take(np.arange(30))
     assert len(unseen.one_per_surface(few)) == 10
     few.trainings[:12] = "another"
