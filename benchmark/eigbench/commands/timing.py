@@ -127,8 +127,7 @@ def described(
     at each target: a row of the board must have the same on the same meshes.
     """
     lapy, *others = timed
-    step = options.batch_size * options.repeats
-    parts = np.split(vertices, range(step, len(vertices), step))
+    parts = clock.in_sizes(vertices, options.batch_size, options.repeats)
     sizes = np.array([len(part) // options.repeats for part in parts])
     peers = {t.loaded.meta["name"]: t.seconds for t in others if t.path in options.against}
     public = len(vertices)

@@ -10,6 +10,7 @@ import secrets
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from eigbench.running.process import REFERENCE_FILE, Loaded, PredictorProcess, S
 from eigbench.running.unseen import ENOUGH, longer
 from eigbench.scoring.truth import Truth
 
+Meshes = TypeVar("Meshes", list[str], NDArray[np.int64])  # what each has: ids, numbers of vertices
 UNSEEN = -1  # in place of the number of a size
 
 
@@ -137,6 +139,11 @@ def by_size(
 ) -> list[list[list[str]]]:
     """Return ids, ascending by size: for each size ``repeats`` batches of meshes near it."""
     ids = [ids[i] for i in np.argsort(instances.vertices(ids), kind="stable")]
-    step = batch_size * repeats
-    groups = [ids[first : first + step] for first in range(0, len(ids), step)]
+    groups = in_sizes(ids, batch_size, repeats)
     return [[group[repeat::repeats] for repeat in range(repeats)] for group in groups]
+
+
+def in_sizes(ascending: Meshes, batch_size: int, repeats: int) -> list[Meshes]:
+    """Return what meshes have, ascending by size, in parts: ``repeats`` batches of each size."""
+    step = batch_size * repeats
+    return [ascending[first : first + step] for first in range(0, len(ascending), step)]
