@@ -31,8 +31,8 @@ CHANCE = 1e-6
 def ratio(theirs: NDArray[np.float64], own: NDArray[np.float64]) -> dict[str, float]:
     """Return how many times faster than a peer a predictor is, with its 95 % interval.
 
-    The ratio of the whole times; the interval is a bootstrap over batches. Both arrays, of shape
-    (batches,), are seconds on the same batches.
+    The ratio of the whole times; the interval is a bootstrap over sizes. Both arrays, of shape
+    (sizes,), are seconds on the same batches: of each size of meshes the median over its batches.
 
     Examples
     --------

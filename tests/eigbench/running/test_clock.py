@@ -196,7 +196,7 @@ def test_too_few_shapes_is_one_line(mini_truth):
         timing.asked(mini_truth, 35)
 
 
-def test_ratio_is_that_of_the_whole_times_with_an_interval_over_batches():
+def test_ratio_is_that_of_the_whole_times_with_an_interval_over_sizes():
     own, theirs = np.array([1.0, 1.0, 2.0]), np.array([2.0, 3.0, 4.0])
     assert timing.ratio(theirs, own) == {"ratio": 9 / 4, "low": 2.0, "high": 3.0}
     assert timing.ratio(own, own) == {"ratio": 1.0, "low": 1.0, "high": 1.0}
