@@ -178,4 +178,8 @@ def _accelerator(device: str) -> str:
         return ""  # another framework's device
     if not torch.cuda.is_available():
         raise PredictorError(f"--device {device}: PyTorch sees no CUDA device here, leave it out")
+    number, count = device.partition(":")[2], torch.cuda.device_count()
+    if number and int(number) >= count:
+        last = "" if count == 1 else f" to cuda:{count - 1}"
+        raise PredictorError(f"--device {device}: PyTorch sees cuda:0{last} here")
     return str(torch.cuda.get_device_name(device))

@@ -296,6 +296,19 @@ def test_device_that_is_not_there_is_refused():
             worker._accelerator("cuda")
 
 
+@pytest.mark.parametrize(("count", "there"), [(1, "cuda:0"), (4, "cuda:0 to cuda:3")])
+def test_a_device_of_a_number_that_is_not_there_is_refused(monkeypatch, count, there):
+    torch = pytest.importorskip("torch")
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: count)
+    monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: f"the name of {device}")
+    last = f"cuda:{count - 1}"
+    assert worker._accelerator(last) == f"the name of {last}"
+    assert worker._accelerator("cuda") == "the name of cuda"
+    with pytest.raises(PredictorError, match=rf"^--device cuda:9: PyTorch sees {there} here$"):
+        worker._accelerator("cuda:9")
+
+
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 def test_peak_memory_is_of_the_predictors_process_alone(evaluated, mini_truth):
     ballast = np.ones(2**27)  # 1 GiB in this process
