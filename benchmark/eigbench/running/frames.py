@@ -74,14 +74,31 @@ class Channel:
         """Close this end."""
         self._socket.close()
 
-    def send(self, kind: bytes, body: bytes, file: BinaryIO | None = None) -> None:
-        """Send a frame, and the descriptor of a file with it."""
+    def send(
+        self,
+        kind: bytes,
+        body: bytes,
+        file: BinaryIO | None = None,
+        on_step: Callable[[], None] | None = None,
+    ) -> None:
+        """Send a frame, and the descriptor of a file with it.
+
+        ``on_step`` is called ten times a second while nobody reads it; what it raises ends the
+        wait.
+        """
+        self._socket.settimeout(None if on_step is None else STEP)
         header = HEADER.pack(kind, len(body))
         if file is None:
             self._socket.sendall(header)
         else:
             socket.send_fds(self._socket, [header], [file.fileno()])
-        self._socket.sendall(body)
+        left = memoryview(body)
+        while left:
+            try:
+                left = left[self._socket.send(left) :]
+            except TimeoutError:
+                assert on_step is not None
+                on_step()
 
     def receive(
         self, most: int = MOST, on_step: Callable[[], None] | None = None

@@ -282,7 +282,7 @@ class PredictorProcess:
 
     def _send(self, kind: bytes, body: bytes, at: str, file: BinaryIO | None = None) -> None:
         try:
-            self._channel.send(kind, body, file)
+            self._channel.send(kind, body, file, self._watch(at))
         except OSError:
             raise self._died(at) from None
 
@@ -297,6 +297,22 @@ class PredictorProcess:
 
     def _receive(self, kind: bytes, at: str, most: int) -> bytes:
         """Wait for a frame, and watch the clock and the memory meanwhile."""
+        try:
+            came, body, _ = self._channel.receive(max(most, frames.MOST), self._watch(at))
+        except (EOFError, ConnectionError):
+            raise self._died(at) from None
+        except frames.FrameError as error:
+            raise self._garbled(at, str(error)) from error
+        if came == frames.FAILED:
+            self._fail(body, at)
+        if came != kind or len(body) > most:
+            raise self._garbled(at, f"a frame of kind {came!r} and {len(body):,} bytes")
+        if self._process.poll() is not None:  # and yet its child answers
+            raise self._died(at)
+        return body
+
+    def _watch(self, at: str) -> Callable[[], None]:
+        """Return what looks whether the predictor takes too long, from now on, or too much."""
         end = time.monotonic() + self.time_limit
 
         def look() -> None:
@@ -313,19 +329,7 @@ class PredictorProcess:
                     f"the predictor took more than {limit:g} GiB {at}: raise --memory-limit"
                 )
 
-        try:
-            came, body, _ = self._channel.receive(max(most, frames.MOST), look)
-        except (EOFError, ConnectionError):
-            raise self._died(at) from None
-        except frames.FrameError as error:
-            raise self._garbled(at, str(error)) from error
-        if came == frames.FAILED:
-            self._fail(body, at)
-        if came != kind or len(body) > most:
-            raise self._garbled(at, f"a frame of kind {came!r} and {len(body):,} bytes")
-        if self._process.poll() is not None:  # and yet its child answers
-            raise self._died(at)
-        return body
+        return look
 
     def _fail(self, body: bytes, at: str) -> NoReturn:
         """Raise what the predictor's process says went wrong."""

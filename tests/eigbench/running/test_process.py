@@ -10,12 +10,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
-from eigbench.errors import Died, PredictorError
+from eigbench.errors import Died, OverTime, PredictorError
 from eigbench.running import box, frames, machine, meshes, record, reference, worker
 from eigbench.running.box import Settings
 from eigbench.running.evaluate import Evaluation, Options, evaluate, predict_meshes
@@ -421,6 +422,29 @@ def test_a_frame_that_is_too_long_is_refused_before_it_is_read():
         other.sendall(frames.HEADER.pack(b"a", 2**40))
         with pytest.raises(frames.FrameError, match=r"a frame of 1,099,511,627,776 bytes"):
             channel.receive(100, lambda: None)
+
+
+def test_a_long_frame_waits_for_a_slow_reader():
+    own, other = socket.socketpair()
+    body, steps = bytes(range(256)) * 2**14, []
+    with frames.Channel(own) as sender, frames.Channel(other) as taker, ThreadPoolExecutor() as pool:
+        taker.send(frames.LOADED, b"{}")
+        assert sender.receive(100, lambda: None)[0] == frames.LOADED
+        sent = pool.submit(sender.send, frames.MESHES, body, None, lambda: steps.append("waits"))
+        time.sleep(4 * frames.STEP)
+        assert taker.receive(len(body))[:2] == (frames.MESHES, body)
+        sent.result()
+    assert steps
+
+
+@pytest.mark.attack
+def test_who_reads_no_frame_is_over_time(predictor_file):
+    with PredictorProcess(predictor_file(ONES), 10, Settings()) as process:
+        process.time_limit = 0.5
+        for child in process._tree.children(recursive=True):
+            child.suspend()
+        with pytest.raises(OverTime, match=r"took more than 0\.5 s at the end: raise --time-limit"):
+            process._send(frames.MESHES, bytes(2**22), "at the end")
 
 
 def loaded(**changes):
