@@ -31,13 +31,19 @@ CHANGES = ("read-only", "cannot assign to field 'vertices'", "cannot assign to f
 FRAMEWORKS = ("torch", "jax", "tensorflow", "cupy", "mlx", "paddle")  # of other devices
 OF_ONE = tuple(f"'tuple' object has no attribute '{name}'" for name in ("vertices", "faces"))
 FACTS = ("meta", "parameters", "seeded", "trained")  # of a predictor that is loaded
-WATCHED = {  # Python's audit events, and what they are here
-    **dict.fromkeys(("open", "os.listdir", "os.scandir"), "read"),
-    **dict.fromkeys(("os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.truncate"), "write"),
-    **dict.fromkeys(("socket.connect", "socket.getaddrinfo"), "connect"),
+# Python's audit events: what becomes of each name, the number of the argument that has it, and of
+# the one that is a folder's descriptor, or -1: the name is relative to that folder
+WATCHED: dict[str, tuple[tuple[str, int, int | None], ...]] = {
+    **dict.fromkeys(("open", "os.listdir", "os.scandir"), (("read", 0, None),)),
+    **dict.fromkeys(("os.remove", "os.rmdir"), (("write", 0, 1),)),
+    "os.mkdir": (("write", 0, 2),),
+    "os.truncate": (("write", 0, None),),
+    "os.rename": (("write", 0, 2), ("write", 1, 3)),
+    "os.link": (("read", 0, 2), ("write", 1, 3)),
+    "os.symlink": (("write", 1, 2),),
+    "socket.connect": (("connect", 1, None),),
+    "socket.getaddrinfo": (("connect", 0, None),),
 }
-# Of these the argument that is a folder's descriptor, or -1: a name is relative to that folder
-RELATIVE_TO = {"os.mkdir": 2, "os.remove": 1, "os.rename": 2, "os.rmdir": 1}
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,23 +119,21 @@ def _attempts() -> dict[str, None]:
     noted: dict[str, None] = {}
 
     def look(event: str, arguments: tuple[Any, ...]) -> None:
-        if event not in WATCHED or len(noted) >= MOST_ATTEMPTS:
-            return
-        if event in RELATIVE_TO and arguments[RELATIVE_TO[event]] != -1:
-            return
-        what = WATCHED[event]
-        where = arguments[0]
-        if event == "open" and (set("wax+") & set(arguments[1] or "") or _writes(arguments[2])):
-            what = "write"
-        if event == "socket.connect":
-            where = arguments[1]
+        for what, number, folder in WATCHED.get(event, ()):
+            if folder is not None and arguments[folder] != -1:
+                continue
+            if event == "open" and (set("wax+") & set(arguments[1] or "") or _writes(arguments[2])):
+                what = "write"
+            note(what, arguments[number])
+
+    def note(what: str, where: Any) -> None:
         if what == "connect":
             where = str(where)
         elif isinstance(where, str | bytes | os.PathLike):
             where = os.path.abspath(os.fsdecode(where))  # noqa: PTH100  # it follows no link
         else:
             return  # a descriptor
-        if where.isprintable() and len(where) <= LONGEST_PATH:
+        if where.isprintable() and len(where) <= LONGEST_PATH and len(noted) < MOST_ATTEMPTS:
             noted[f"{what} {where}"] = None
 
     sys.addaudithook(look)

@@ -40,7 +40,7 @@ KINDS = [
 ]
 LANDLOCK = box.Settings(sandbox=box.LANDLOCK)
 PROBE = """
-import ctypes, os, socket
+import ctypes, os, socket, tempfile
 from pathlib import Path
 import numpy as np
 import synthnet
@@ -66,6 +66,18 @@ ATTEMPTS = {
     "its own code": ("open(__file__, 'w')", "write"),
     "a file elsewhere": ("open(r'{secret.parent}/left', 'w')", "write {secret.parent}/left"),
     "a file at the top": ("open('/left', 'w')", "write /left"),
+    "a file that is moved elsewhere": (
+        "os.rename(tempfile.mkstemp()[1], r'{secret.parent}/left')",
+        "write {secret.parent}/left",
+    ),
+    "a link elsewhere": (
+        "os.symlink('labels.csv', r'{secret.parent}/left')",
+        "write {secret.parent}/left",
+    ),
+    "labels by a hard link": (
+        "os.link(r'{secret}', tempfile.mkdtemp() + '/labels')",
+        "read {secret}",
+    ),
 }
 
 
