@@ -80,6 +80,6 @@ def prism(
     return polyhedron(*faces, singular=np.concatenate(ends))
 
 
-def lines(length: float, around: float, most: int = 6) -> Floats:
+def lines(length: float, around: float) -> Floats:
     """Return equidistant coordinates from 0 to a length, about ``around`` apart."""
-    return np.linspace(0, length, rows(length, around, most) + 1)
+    return np.linspace(0, length, rows(length, around, most=6) + 1)

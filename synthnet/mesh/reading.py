@@ -21,7 +21,6 @@ from synthnet.errors import MissingPackageError, SynthNetError
 from synthnet.mesh import formats
 from synthnet.mesh.formats import Triangles, UnreadableError, kind_of, no_mesh
 from synthnet.processes import WorkerContext
-from synthnet.types import Mesh
 
 SECONDS, GIGABYTES = 120.0, 8.0
 PATIENCE = 10 * SECONDS  # by the clock, for a disk that hangs: processor time does not pass then
@@ -40,21 +39,17 @@ class Reader:
         Most processor time for a file; it does not depend on what else the machine does.
     gigabytes : float
         Most memory of the process that reads.
-    patience : float
-        Most seconds by the clock for a file.
 
     Examples
     --------
     ::
 
         with Reader() as reader:
-            mesh = reader.read(Path("bunny.obj"))
+            triangles = reader.triangles(Path("bunny.obj"))
     """
 
-    def __init__(
-        self, seconds: float = SECONDS, gigabytes: float = GIGABYTES, patience: float = PATIENCE
-    ) -> None:
-        self.seconds, self.gigabytes, self.patience = seconds, gigabytes, patience
+    def __init__(self, seconds: float = SECONDS, gigabytes: float = GIGABYTES) -> None:
+        self.seconds, self.gigabytes = seconds, gigabytes
         self._process: multiprocessing.process.BaseProcess | None = None
         self._channel: Connection
 
@@ -63,11 +58,6 @@ class Reader:
 
     def __exit__(self, *_: object) -> None:
         self._end()
-
-    def read(self, path: Path, sha256: str | None = None) -> Mesh:
-        """Return the triangles of a file as they stand in it, as :meth:`triangles` does."""
-        triangles = self.triangles(path, sha256)
-        return Mesh(triangles.vertices, triangles.faces)
 
     def triangles(self, path: Path, sha256: str | None = None) -> Triangles:
         """Return the triangles of a file as they stand in it, polygons cut into triangles.
@@ -96,9 +86,9 @@ class Reader:
 
     def _ask(self, request: bytes) -> Triangles:
         self._channel.send_bytes(request)
-        if not self._channel.poll(self.patience):
+        if not self._channel.poll(PATIENCE):
             self._end()
-            raise UnreadableError(f"not read within {self.patience:g} s")
+            raise UnreadableError(f"not read within {PATIENCE:g} s")
         answer = json.loads(self._channel.recv_bytes())
         if "changed" in answer:
             raise ChangedError(answer["changed"])

@@ -18,6 +18,7 @@ import trimesh
 from synthnet.mesh import reading
 from synthnet.mesh.reading import ChangedError, Reader, UnreadableError
 from synthnet.store.files import sha256
+from synthnet.types import Mesh
 
 SPHERE = trimesh.creation.icosphere(subdivisions=1)
 
@@ -36,15 +37,15 @@ def sphere(tmp_path):
 
 
 def test_file_is_read(reader, sphere):
-    mesh = reader.read(sphere, sha256(sphere))
-    np.testing.assert_array_equal(mesh.faces, SPHERE.faces)
-    np.testing.assert_allclose(mesh.vertices, SPHERE.vertices, atol=1e-6)
+    triangles = reader.triangles(sphere, sha256(sphere))
+    np.testing.assert_array_equal(triangles.faces, SPHERE.faces)
+    np.testing.assert_allclose(triangles.vertices, SPHERE.vertices, atol=1e-6)
 
 
 def test_file_of_any_name_is_read(reader, sphere):
     odd = sphere.with_name(os.fsdecode(b"a\nb: \xff.ply"))
     sphere.rename(odd)
-    assert len(reader.read(odd).faces) == 80
+    assert len(reader.triangles(odd).faces) == 80
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".off", ".ply", ".stl"])
@@ -59,40 +60,42 @@ def test_truncated_and_altered_files_are_read_or_refused(suffix, reader, tmp_pat
             content[rng.randrange(len(content))] = rng.randrange(256)
         path.write_bytes(content)
         try:
-            outcomes.add(type(reader.read(path)).__name__)
+            triangles = reader.triangles(path)
+            Mesh(triangles.vertices, triangles.faces)
+            outcomes.add("read")
         except UnreadableError as error:
             message = str(error)
             assert message.isprintable()
             assert str(tmp_path) not in message
             assert "process" not in message  # that reads: it did not die
             outcomes.add("refused")
-    assert outcomes == {"Mesh", "refused"}
+    assert outcomes == {"read", "refused"}
 
 
 def test_file_of_no_suffix_we_know_is_refused(reader, tmp_path):
     with pytest.raises(
         UnreadableError, match=r"a\.txt is none of \.obj, \.off, \.ply, \.stl, \.gii"
     ):
-        reader.read(tmp_path / "a.txt")
+        reader.triangles(tmp_path / "a.txt")
 
 
 def test_file_that_is_not_there_is_refused_without_its_directory(reader, tmp_path):
     with pytest.raises(UnreadableError) as error:
-        reader.read(tmp_path / "none.obj")
+        reader.triangles(tmp_path / "none.obj")
     assert str(error.value) == "cannot be opened (No such file or directory)"
 
 
 def test_file_of_other_bytes_is_told(reader, sphere):
     with pytest.raises(ChangedError, match="its bytes are others than when the import began"):
-        reader.read(sphere, "0" * 64)
-    assert len(reader.read(sphere).faces) == 80
+        reader.triangles(sphere, "0" * 64)
+    assert len(reader.triangles(sphere).faces) == 80
 
 
 def test_process_that_died_before_is_no_file_s_fault(sphere):
     with Reader() as reader:
-        reader.read(sphere)
+        reader.triangles(sphere)
         os.kill(reader._process.pid, signal.SIGKILL)
-        assert len(reader.read(sphere).faces) == 80
+        assert len(reader.triangles(sphere).faces) == 80
     assert reader._process is None
 
 
@@ -107,9 +110,9 @@ def test_file_of_which_two_processes_die_is_refused(sphere, monkeypatch):
     with Reader() as reader, monkeypatch.context() as patched:
         patched.setattr(Reader, "_started", doomed)
         with pytest.raises(UnreadableError, match="the process that reads it died twice"):
-            reader.read(sphere)
+            reader.triangles(sphere)
         patched.undo()
-        assert len(reader.read(sphere).faces) == 80
+        assert len(reader.triangles(sphere).faces) == 80
 
 
 @pytest.mark.parametrize("call", ["Pipe", "Process"])
@@ -125,21 +128,21 @@ def test_machine_without_room_for_a_process_is_no_file_s_fault(call, sphere, mon
     with Reader() as reader, monkeypatch.context() as patched:
         patched.setattr(reading.WorkerContext, call, no_pipe if call == "Pipe" else Full)
         with pytest.raises(OSError, match=os.strerror(errno.EAGAIN)):
-            reader.read(sphere)
+            reader.triangles(sphere)
         assert len([*Path("/proc/self/fd").iterdir()]) == before
         patched.undo()
-        assert len(reader.read(sphere).faces) == 80
+        assert len(reader.triangles(sphere).faces) == 80
 
 
-def test_file_that_hangs_is_refused(sphere):
+def test_file_that_hangs_is_refused(sphere, monkeypatch):
     with Reader() as reader:
-        reader.read(sphere)
+        reader.triangles(sphere)
         os.kill(reader._process.pid, signal.SIGSTOP)
-        reader.patience = 0.5
+        monkeypatch.setattr(reading, "PATIENCE", 0.5)
         with pytest.raises(UnreadableError, match=r"not read within 0\.5 s$"):
-            reader.read(sphere)
-        reader.patience = 30
-        assert len(reader.read(sphere).faces) == 80
+            reader.triangles(sphere)
+        monkeypatch.undo()
+        assert len(reader.triangles(sphere).faces) == 80
 
 
 def test_file_that_takes_too_much_processor_time_is_refused(sphere, tmp_path):
@@ -147,9 +150,9 @@ def test_file_that_takes_too_much_processor_time_is_refused(sphere, tmp_path):
     long.write_bytes(b"v 0 0 0\n" * 6_000_000)  # some seconds
     with Reader(seconds=0.01) as reader:
         with pytest.raises(UnreadableError, match=r"not read within 0\.01 s of processor time"):
-            reader.read(long)
+            reader.triangles(long)
         reader.seconds = 60
-        assert len(reader.read(sphere).faces) == 80
+        assert len(reader.triangles(sphere).faces) == 80
 
 
 def test_file_that_wants_all_memory_is_refused(tmp_path):
@@ -159,7 +162,7 @@ def test_file_that_wants_all_memory_is_refused(tmp_path):
         file.truncate(84 + 50 * 10**7)
     message = r"needs more than 0\.9 GB of memory"
     with Reader(gigabytes=0.9) as reader, pytest.raises(UnreadableError, match=message):
-        reader.read(path)
+        reader.triangles(path)
 
 
 def test_limits_are_at_most_those_of_who_started_it(monkeypatch):
@@ -179,7 +182,7 @@ from synthnet.mesh.reading import Reader
 
 if __name__ == "__main__":
     reader = Reader()
-    reader.read(Path(sys.argv[1]))
+    reader.triangles(Path(sys.argv[1]))
     print(reader._process.pid, flush=True)
     reader._channel.send_bytes(b'["%s", null]' % os.fsencode(sys.argv[2]))
     sys.stdin.read()
