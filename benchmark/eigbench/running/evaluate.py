@@ -72,7 +72,7 @@ class Evaluation:
     reference_seconds: NDArray[np.float64]
     asked: Sequence[tuple[int, NDArray[np.int64]]]  #: the seed and the instances
     #: Whether a batch was the first of its seed and training, at which a process may compile code.
-    #: With ``resume`` that is the first process alone; :mod:`.unseen`, which asks, goes on from none.
+    #: After ``resume`` it is that of the first process alone; ``verify-row`` never resumes.
     opening: NDArray[np.bool_]
     loaded: Loaded  #: META and parameters of the predictor
     status: Status  #: peak memory of its process and digests of its files

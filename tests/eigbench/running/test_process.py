@@ -427,7 +427,11 @@ def test_a_frame_that_is_too_long_is_refused_before_it_is_read():
 def test_a_long_frame_waits_for_a_slow_reader():
     own, other = socket.socketpair()
     body, steps = bytes(range(256)) * 2**14, []
-    with frames.Channel(own) as sender, frames.Channel(other) as taker, ThreadPoolExecutor() as pool:
+    with (
+        frames.Channel(own) as sender,
+        frames.Channel(other) as taker,
+        ThreadPoolExecutor() as pool,
+    ):
         taker.send(frames.LOADED, b"{}")
         assert sender.receive(100, lambda: None)[0] == frames.LOADED
         sent = pool.submit(sender.send, frames.MESHES, body, None, lambda: steps.append("waits"))
