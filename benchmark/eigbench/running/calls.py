@@ -1,6 +1,7 @@
-"""Calls of the Linux kernel that a process gives up, for itself and all that it starts.
+"""What a process asks of the Linux kernel for itself, and calls that it gives up.
 
-A filter of seccomp(2) looks at the number of each call. No privilege is needed.
+It gives them up for all that it starts, too. A filter of seccomp(2) looks at the number of each
+call. No privilege is needed.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import platform
 import struct
 from collections.abc import Iterable, Mapping
 
+PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
 PR_SET_NO_NEW_PRIVS, PR_SET_SECCOMP, SECCOMP_MODE_FILTER = 38, 22, 2
 # What a step of a filter does, and what becomes of a call.
 LOAD, EQUAL, GREATER, RETURN = 0x20, 0x15, 0x25, 0x06
@@ -33,6 +35,19 @@ KEEPING = {
 }
 
 
+def libc() -> ctypes.CDLL:
+    """Return the C library of this process; what a call of it said is at ``ctypes.get_errno``."""
+    return ctypes.CDLL(None, use_errno=True)
+
+
+def prctl(option: int, *arguments: int | bytes) -> int:
+    """Ask something of the kernel for this process, see prctl(2); it has refused if this is not 0.
+
+    All arguments that are not given are 0, as some options need it.
+    """
+    return int(libc().prctl(option, *arguments, *(4 - len(arguments)) * (0,)))
+
+
 def refuse(*kinds: Mapping[str, tuple[int, ...]]) -> None:
     """Let this process and all that it starts make no call of some kinds: they fail with EACCES.
 
@@ -50,10 +65,7 @@ def refuse(*kinds: Mapping[str, tuple[int, ...]]) -> None:
     program = _program(ARCHITECTURES[machine], [call for kind in kinds for call in kind[machine]])
     filters = ctypes.create_string_buffer(program)
     described = struct.pack("@HP", len(program) // 8, ctypes.addressof(filters))
-    prctl = ctypes.CDLL(None, use_errno=True).prctl
-    if prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) or prctl(
-        PR_SET_SECCOMP, SECCOMP_MODE_FILTER, described, 0, 0
-    ):
+    if prctl(PR_SET_NO_NEW_PRIVS, 1) or prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, described):
         raise OSError(ctypes.get_errno(), "calls of the system could not be given up")
 
 

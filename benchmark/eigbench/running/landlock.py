@@ -31,7 +31,7 @@ def version() -> int:
     """Return the version of Landlock that the kernel has; 0 where there is none."""
     if sys.platform != "linux" or platform.machine() not in calls.ARCHITECTURES:
         return 0
-    return max(int(_libc().syscall(CREATE_RULESET, None, 0, VERSION)), 0)
+    return max(int(calls.libc().syscall(CREATE_RULESET, None, 0, VERSION)), 0)
 
 
 def enter(note: Path) -> None:
@@ -71,7 +71,7 @@ def restrict(shown: Iterable[Path], listed: Iterable[Path], writable: Sequence[P
         for path in paths:
             _allow(rules, path, rights)
     calls.refuse(calls.SOCKETS, calls.KEEPING)  # Landlock knows TCP alone
-    if _libc().capset(CAPABILITIES, NO_SETS):
+    if calls.libc().capset(CAPABILITIES, NO_SETS):
         raise OSError(ctypes.get_errno(), "privileges could not be given up")
     _call(RESTRICT_SELF, rules, 0)
     os.close(rules)
@@ -91,11 +91,7 @@ def _allow(rules: int, path: Path, rights: int) -> None:
 
 def _call(number: int, *arguments: int | bytes) -> int:
     wide = (ctypes.c_long(a) if isinstance(a, int) else a for a in arguments)
-    done = _libc().syscall(ctypes.c_long(number), *wide)
+    done = calls.libc().syscall(ctypes.c_long(number), *wide)
     if done < 0:
         raise OSError(ctypes.get_errno(), f"Landlock's call {number} was refused")
     return int(done)
-
-
-def _libc() -> ctypes.CDLL:
-    return ctypes.CDLL(None, use_errno=True)

@@ -8,7 +8,6 @@ when the harness says so by SIGTERM, and when the harness is gone.
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
 import signal
 import sys
@@ -19,7 +18,6 @@ from eigbench.running import calls, landlock
 
 HELD = "held"  # in place of Landlock's rules
 PACKAGES = "EIGBENCH_PACKAGES"  # a variable: a directory of packages that come before the others
-PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
 
 
 def main() -> None:
@@ -36,9 +34,8 @@ def main() -> None:
     _find_packages()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the harness, which ends this
     if sys.platform == "linux":
-        prctl = ctypes.CDLL(None, use_errno=True).prctl
-        prctl(PR_SET_CHILD_SUBREAPER, 1)
-        prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+        calls.prctl(calls.PR_SET_CHILD_SUBREAPER, 1)
+        calls.prctl(calls.PR_SET_PDEATHSIG, signal.SIGTERM)
     signal.signal(signal.SIGTERM, _stop)
     predictor = os.fork()
     if predictor == 0:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
 import sys
 import time
@@ -11,8 +10,9 @@ from pathlib import Path
 
 import psutil
 
+from eigbench.running import calls
+
 LIVE = 2  # the kernel's number of the clock of a process' own time
-PR_SET_CHILD_SUBREAPER = 36
 ROUNDS = 20  # of killing what goes on starting processes
 _held: set[int] = set()  # processes whose trees this one answers for
 
@@ -107,7 +107,7 @@ def end(since: float) -> None:
 
 def _adopt(on: bool) -> None:
     if sys.platform == "linux":
-        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, int(on), 0, 0, 0)
+        calls.prctl(calls.PR_SET_CHILD_SUBREAPER, int(on))
 
 
 def resident_bytes(below: list[psutil.Process]) -> int:
