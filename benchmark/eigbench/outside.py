@@ -30,7 +30,7 @@ DIGITS = 40  # of a number; float64 needs 24 with sign and exponent
 LONGEST = 4096  # characters of a text in JSON
 # Characters that are printable to Python and leave nothing on a page: Unicode's default-ignorable
 # ones (DerivedCoreProperties), and blank signs
-UNSEEN = frozenset(
+INVISIBLE = frozenset(
     (
         *(0x034F, 0x115F, 0x1160, 0x17B4, 0x17B5, 0x2800, 0x3164, 0xFFA0, 0x16FE4, 0x1D159),
         *range(0x180B, 0x1810),
@@ -218,7 +218,7 @@ def strange(text: str) -> str:
     for character in text:
         if not character.isprintable():
             return f"the character U+{ord(character):04X}, which cannot be printed"
-        if ord(character) in UNSEEN:
+        if ord(character) in INVISIBLE:
             return f"the character U+{ord(character):04X}, which cannot be seen"
     if not unicodedata.is_normalized("NFC", text):
         return "letters that are not composed (NFC)"

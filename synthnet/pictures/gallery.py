@@ -21,7 +21,7 @@ from synthnet.types import Mesh, ShapeSpec
 
 LINE, NO_BREAK = 36, "\u00a0"  # letters in a line of a caption; a space that no line breaks at
 MOST = 5000  # shapes of a family to choose from; only scaled versions have more
-UNSEEN = ("seed", "sha256", "error_bound")  # parameters that say nothing to a reader
+HIDDEN = ("seed", "sha256", "error_bound")  # parameters that say nothing to a reader
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +204,7 @@ def _varying(specs: Sequence[ShapeSpec]) -> tuple[str, ...]:
     """Return the parameters that differ; the repairs of a mesh are parameters of that mesh only."""
     if not specs:
         return ()
-    shared = set.intersection(*(set(spec.parameters) for spec in specs)).difference(UNSEEN)
+    shared = set.intersection(*(set(spec.parameters) for spec in specs)).difference(HIDDEN)
     names = [name for name in specs[0].parameters if name in shared]
     return tuple(n for n in names if len({spec.parameters[n] for spec in specs}) > 1)
 

@@ -24,7 +24,7 @@ from synthnet.pictures.palette import GREY
 if TYPE_CHECKING:
     import matplotlib as mpl
 
-UNSEEN = "family"  # the protocol whose scores stand beside those on familiar shapes
+UNSEEN_PROTOCOL = "family"  # the protocol whose scores stand beside those on familiar shapes
 LAPY = "LaPy"  # whose name stands beside its mark: all speeds are beside it
 DROP = "the same models on families never seen"
 LARGEST_ERROR = 2.0  # rows with larger errors, which look at next to nothing, are only named
@@ -101,7 +101,7 @@ def _undeclared(board: Board) -> list[Ranked]:
 
 def _unseen(board: Board, row: Ranked) -> float | None:
     """Return a model's mean error on unseen families; ``None`` if not run, or declared, there."""
-    there = board.row(UNSEEN, row.submission.slug)
+    there = board.row(UNSEEN_PROTOCOL, row.submission.slug)
     return None if there is None or there.declared else there.scores["overall"][RANKED_BY]["mean"]
 
 
@@ -300,7 +300,7 @@ def _nearer(row: Ranked, solver: Ranked) -> bool:
 
 def _nearer_unseen(board: Board, row: Ranked, solver: Ranked) -> bool:
     """Return whether a model is better than a solver on the families that it has not seen."""
-    own = board.submitted(row.submission, UNSEEN)
+    own = board.submitted(row.submission, UNSEEN_PROTOCOL)
     if own is None:
         return False
     other = restricted(solver.submission, own.truth)

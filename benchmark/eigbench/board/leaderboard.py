@@ -258,7 +258,10 @@ def generate(
             generated[files[0]] = page.generalised_details(protocols)
             generated[files[1]] = export.generalised_as_json(protocols)
             generated[files[2]] = generalisation_figure.draw(protocols)
-            if submission.target == SURFACE and answer_figure.UNSEEN in protocols.protocols:
+            if (
+                submission.target == SURFACE
+                and answer_figure.UNSEEN_PROTOCOL in protocols.protocols
+            ):
                 path = drawn[page.ANSWER] = FIGURES / f"{protocols.version}-answer.svg"
                 generated[path] = answer_figure.draw(protocols)
                 narrow = path.with_stem(f"{path.stem}-narrow")  # which the site shows on phones

@@ -21,7 +21,7 @@ from eigbench.errors import OutsideError
 from synthnet.store.files import sha256
 
 # What follows from the position (ctx), from the spelling (kind), or is written as a comment.
-UNSEEN = ("ctx", "kind", "type_comment", "type_ignores")
+IGNORED_FIELDS = ("ctx", "kind", "type_comment", "type_ignores")
 
 CODE = "baselines"  # of a checkout: the folder with the predictors of its rows
 MOST_CODE = 2**20  # bytes of a file that is parsed
@@ -267,7 +267,7 @@ class _Mark(str):
 def _fields(node: ast.AST) -> list[Any]:
     """Return the names and values of a node's fields, in order, without those that are empty."""
     parts: list[Any] = []
-    for name in sorted(set(node._fields) - set(UNSEEN)):
+    for name in sorted(set(node._fields) - set(IGNORED_FIELDS)):
         value = getattr(node, name, None)
         if isinstance(value, list):
             value = _joined(value) if isinstance(node, ast.JoinedStr) else _acting(value)

@@ -24,7 +24,7 @@ from eigbench.running.unseen import ENOUGH, longer
 from eigbench.scoring.truth import Truth
 
 Meshes = TypeVar("Meshes", list[str], NDArray[np.int64])  # what each has: ids, numbers of vertices
-UNSEEN = -1  # in place of the number of a size
+OF_FRESH = -1  # in place of the number of a size
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ def together(
     groups = by_size(truth.ids[:public], instances, batch_size, repeats)
     asked = [(number, batch) for number, group in enumerate(groups) for batch in group]
     small = max(1, min(batch_size, fresh // ENOUGH))
-    asked += [(UNSEEN, batch) for (batch,) in by_size(truth.ids[public:], instances, small, 1)]
+    asked += [(OF_FRESH, batch) for (batch,) in by_size(truth.ids[public:], instances, small, 1)]
     secrets.SystemRandom().shuffle(asked)
     with contextlib.ExitStack() as stack:
         processes = []
@@ -116,7 +116,7 @@ def together(
                 np.array([np.median(took[i, numbers == number]) for number in range(len(groups))])
                 for took in (wall, cpu)
             )
-            ratio = longer(wall[i], vertices, numbers == UNSEEN)
+            ratio = longer(wall[i], vertices, numbers == OF_FRESH)
             loaded = processes[i].loaded
             timed.append(Timed(path, seconds, cpu_seconds, values[i], ratio, loaded, status))
         return timed
