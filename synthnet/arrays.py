@@ -27,7 +27,8 @@ def as_array(values: Any) -> NDArray[Any]:
     >>> as_array([[1, 2], [3, 4]]).shape
     (2, 2)
     """
-    if np.ma.is_masked(values):
+    rows = values if isinstance(values, (list, tuple)) else ()
+    if np.ma.is_masked(values) or any(map(np.ma.is_masked, rows)):
         raise ValueError("a masked array: fill what is masked, with NaN if need be")
     tensor = hasattr(values, "detach") and hasattr(values, "layout")  # a stream detaches, too
     try:
