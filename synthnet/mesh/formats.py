@@ -667,8 +667,15 @@ def _continued(content: bytes) -> bytes:
     if b"\\" not in content:
         return content
     lines, begun = list[bytes](), b""
-    for line in content.splitlines():
-        text = begun + line.partition(b"#")[0].rstrip()
+    for number, line in enumerate(content.splitlines(), start=1):
+        text = line.partition(b"#")[0].rstrip()
+        word = text.split(maxsplit=1)[:1]
+        if begun and word and word[0] in OBJ_NUMBERS | {b"f"}:  # of a name such as C:\ it is lost
+            raise UnreadableError(
+                f"line {number}: {_quoted(word[0])} must begin a line of its own, and the line "
+                "before goes on: take the backslash at its end away"
+            )
+        text = begun + text
         goes_on = text.endswith(b"\\")
         begun = text[:-1] + b" " if goes_on else b""
         lines.append(b"" if goes_on else text)

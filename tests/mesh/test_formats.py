@@ -132,6 +132,14 @@ def test_a_line_of_obj_that_has_lost_its_end_is_refused(before):
     assert refused(text.replace("\nf", " f", 1), ".obj") == message
 
 
+@pytest.mark.parametrize("name", [r"usemtl mat", r"mtllib C:\models", "o a", "g", "v 5 5"])
+def test_a_line_that_goes_on_takes_no_vertex_or_face_away(name):
+    for line in ("f 1 2 3", "v 7 7 7"):
+        text = f"{VERTICES}{name}\\\n{line}\nf 1 3 4\n"
+        message = f"line 6: '{line[0]}' must begin a line of its own, and the line before goes on"
+        assert refused(text, ".obj") == f"{message}: take the backslash at its end away"
+
+
 @pytest.mark.parametrize("newline", [b"\n", b"\r\n"])
 def test_binary_ply_begins_after_the_line_end_header(newline):
     header, end, body = content("binary.ply").partition(b"end_header\n")
