@@ -13,7 +13,7 @@ from pathlib import Path
 import platformdirs
 
 from synthnet import recipe
-from synthnet.errors import StoreError, suggestion
+from synthnet.errors import StoreError, printable, suggestion
 from synthnet.mesh.formats import kind_of
 from synthnet.recipe import Kind
 from synthnet.store import storage
@@ -127,6 +127,7 @@ class StoredDataset:
         files = self.files()
         if name in files:
             return name
+        name = printable(name)  # as an import keeps a name that is no text
         tests: tuple[Callable[[str], str], ...] = (
             str,
             lambda file: file.rpartition("/")[2],

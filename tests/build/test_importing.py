@@ -575,7 +575,10 @@ def test_files_of_odd_names(folder, imported, run_import, mine):
     for name in names:
         shutil.copy(folder / "a.ply", folder / os.fsdecode(name))
     (folder / "x: y.off").write_text("OFF\n3 nonsense")
-    outcomes = outcomes_by_file(imported(folder))
+    result = imported(folder)
+    outcomes = outcomes_by_file(result)
+    by_its_bytes, as_listed = map(result.dataset.find, (os.fsdecode(b"\xff.ply"), r"\udcff.ply"))
+    assert by_its_bytes.spec.id == as_listed.spec.id
     assert outcomes["a: b.ply"] == outcomes["é.ply"] == outcomes[r"\udcff.ply"] == ""
     assert outcomes[r"new\nline.ply"] == outcomes[r"\x1b[31m.ply"] == ""
     assert outcomes["x: y.off"] == "unreadable: line 2: '3 nonsense': no whole numbers"
