@@ -1,6 +1,7 @@
 """A predictor in a process of its own, and what becomes of it when it hangs or dies."""
 
 import contextlib
+import errno
 import json
 import os
 import re
@@ -35,7 +36,13 @@ GLANCE = 0.25  # seconds between two looks at memory that has no limit, and at p
 UNASKED, UNASKED_SHARE = 1.0, 0.1
 CLEARING, SPINNING = 0.02, 0.25  # seconds; the second of each further thread
 GRACE = 5.0  # seconds in which a process ends that has closed its connection
-REFUSALS = ("FileNotFoundError", "PermissionError", "Errno", "is not installed")
+ERRORS = (  # of what a sandbox hides, makes read-only or cuts off
+    *(errno.ENOENT, errno.EPERM, errno.EACCES, errno.EROFS, errno.EXDEV),
+    *(errno.ENETUNREACH, errno.ENETDOWN, errno.ECONNREFUSED, errno.EADDRNOTAVAIL),
+    *(socket.EAI_AGAIN, socket.EAI_NONAME),
+)
+SAID = ("FileNotFoundError", "PermissionError", "is not installed")
+REFUSALS = (*SAID, *(f"[Errno {number}]" for number in ERRORS))
 REFUSED = (
     " (the sandbox shows the predictor's own files and no network, and lets it write below $TMPDIR "
     "alone: --readable PATH shows more, --no-sandbox runs without)"

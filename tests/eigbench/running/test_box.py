@@ -208,6 +208,14 @@ def test_a_module_in_a_folder_that_is_no_package_is_named_as_the_cause(predictor
         warmed(path, kind)
 
 
+@pytest.mark.parametrize(("number", "by_it"), [(13, True), (101, True), (9, False), (28, False)])
+def test_only_an_error_that_it_may_have_made_is_put_down_to_it(number, by_it, predictor_file, kind):
+    with pytest.raises(PredictorError) as caught:
+        warmed(predictor_file(f"raise OSError({number}, 'no')"), kind)
+    assert f"[Errno {number}] no" in str(caught.value)
+    assert ("the sandbox shows the predictor's own files" in str(caught.value)) is by_it
+
+
 def test_a_dataset_is_not_built_in_it(predictor_file, kind):
     code = "from synthnet import load_dataset\nload_dataset('1.0-mini', 'train')"
     with pytest.raises(PredictorError, match=r"no meshes of 1.0-mini, and builds none"):
