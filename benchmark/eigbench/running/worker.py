@@ -26,8 +26,11 @@ from synthnet.types import Mesh
 LONGEST, LONGEST_PATH = 10_000, 900  # letters of a message, and of a path
 LONGEST_TRACE = 100_000  # letters of a traceback; each is up to twelve bytes of a frame
 MOST_ATTEMPTS = 1000
-# What NumPy and dataclasses say to who changes a mesh
-CHANGES = ("read-only", "cannot assign to field 'vertices'", "cannot assign to field 'faces'")
+# What NumPy and dataclasses say to who changes a mesh, or adds to it
+CHANGES = (
+    *("read-only", "cannot assign to field 'vertices'", "cannot assign to field 'faces'"),
+    "super(type, obj): obj must be an instance or subtype of type",
+)
 FRAMEWORKS = ("torch", "jax", "tensorflow", "cupy", "mlx", "paddle")  # of other devices
 OF_ONE = tuple(f"'tuple' object has no attribute '{name}'" for name in ("vertices", "faces"))
 FACTS = ("meta", "parameters", "seeded", "trained")  # of a predictor that is loaded

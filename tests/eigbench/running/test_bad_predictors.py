@@ -92,6 +92,10 @@ AT_A_BATCH = {
         "    return weyl(meshes)",
         "vertices + 1); meshes are read-only: copy what you change",
     ),
+    "adds to a mesh": (
+        "def predict(meshes):\n    meshes[0].cache = 1\n    return weyl(meshes)",
+        "cache = 1); meshes are read-only: copy what you change",
+    ),
     "writes to an array": (
         "def predict(meshes):\n    meshes[0].vertices[:] -= 1\n    return weyl(meshes)",
         "read-only (my_model.py:12: in predict: meshes[0].vertices[:] -= 1); meshes are read-only: "
