@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 COLUMNS = 100  # of a table
 MISSING = ("", "NA", "N/A", "NULL", "null", "None")  # what pandas, R and databases write for NaN
+NAN = ("nan", "NaN", "-nan", "-NaN")  # of Python's spellings those that pandas knows
 TEXT = 200  # characters of a cell of text
 WIDEST = TEXT + 16  # bytes of a value when it is unpacked, with its length and levels
 PAGES = 10_000  # items of a list in a Parquet file's footer
@@ -284,10 +285,10 @@ def _check_record(
 def _is_number(text: str) -> bool:
     """Return whether a text is a number to Python and to pandas, which knows fewer."""
     try:
-        float(text)
+        number = float(text)
     except ValueError:
         return False
-    return text.isascii() and "_" not in text
+    return text.isascii() and "_" not in text and (not math.isnan(number) or text in NAN)
 
 
 def _check_line(line: bytes) -> None:

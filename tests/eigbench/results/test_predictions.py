@@ -309,6 +309,8 @@ def test_seed_that_is_no_integer_is_refused(split, values, suffix, seeds, tmp_pa
         (",", "line 4 has 10 fields and the header 11"),
         (",True,", "line 4: lambda_1 is 'True', it must be a number"),
         (",1_0,", "line 4: lambda_1 is '1_0', it must be a number"),
+        (",nan ,", "line 4: lambda_1 is 'nan ', it must be a number"),
+        (",+nan,", r"line 4: lambda_1 is '\+nan', it must be a number"),
         (',"1.5,', "line 4 has 2 fields"),  # a quote that does not end
         (",1\x005,", r"line 4 is no CSV: line contains NUL|line 4: lambda_1 is '1\\x005'"),
     ],
