@@ -20,7 +20,7 @@ from typing import Any, BinaryIO, Self, cast
 
 import numpy as np
 
-from eigbench.running.predictor import META_KEYS, META_LENGTH
+from eigbench.running.predictor import META_KEYS, META_LENGTH, MOST_PARAMETERS
 from synthnet.types import Mesh
 
 JOB, MESHES, CLOSING = b"j", b"m", b"c"  # of the harness
@@ -44,7 +44,7 @@ PROPERTIES: dict[bytes, dict[str, Any]] = {  # of what a predictor's process say
             "propertyNames": {"enum": list(META_KEYS)},
             "additionalProperties": {"type": "string", "maxLength": META_LENGTH},
         },
-        "parameters": {"type": ["integer", "null"], "minimum": 0, "maximum": 10**15},
+        "parameters": {"type": ["integer", "null"], "minimum": 0, "maximum": MOST_PARAMETERS},
         "seeded": {"type": "boolean"},
         "trained": {"type": "boolean"},
         "accelerator": {"type": "string", "pattern": r"^[ -~]{0,300}\Z"},

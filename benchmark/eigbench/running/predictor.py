@@ -29,6 +29,7 @@ import traceback
 import unicodedata
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import index
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -52,6 +53,7 @@ META_KEYS = (
 META_LENGTH = 300
 KINDS = ("trivial", "classical", "learned")
 NOT_THEIRS = ("__main__", "__mp_main__", "eigbench", "synthnet")  # modules of no predictor
+MOST_PARAMETERS = 10**15
 LONGEST_MESSAGE = 500  # letters of an error's
 LONGEST_LINE = 80  # letters of a line of code in a message
 
@@ -358,6 +360,12 @@ def checked_meta(given: Mapping[Any, Any], path: Path) -> dict[str, str]:
             f"{path}: META has the unknown key {', '.join(unknown)}; "
             f"it may have {', '.join(META_KEYS)}{suggestion(unknown[0], META_KEYS)}"
         )
+    for key, value in given.items():
+        if not isinstance(value, (str, int, float)):
+            raise PredictorError(
+                f"{path}: META {key} must be text, got {type(value).__name__}: "
+                f"{'leave it out' if value is None else 'write it as one line'}"
+            )
     # A letter with an accent may be one character or two: results hold the first
     meta = {key: unicodedata.normalize("NFC", str(value)) for key, value in given.items()}
     if not 1 <= len(meta["name"]) <= 80:
@@ -411,13 +419,14 @@ def _of_torch(
 
 
 def _count(thing: Any) -> int:
+    wrong = f"parameters() of a {type(thing).__name__} must give tensors or arrays"
     try:
-        return sum(math.prod(parameter.shape) for parameter in thing.parameters())
+        count = index(sum(math.prod(parameter.shape) for parameter in thing.parameters()))
     except (AttributeError, TypeError) as error:
-        raise PredictorError(
-            f"parameters() of a {type(thing).__name__} must give tensors or arrays: "
-            f"{described(error)}"
-        ) from error
+        raise PredictorError(f"{wrong}: {described(error)}") from error
+    if not 0 <= count <= MOST_PARAMETERS:
+        raise PredictorError(f"{wrong}: their shapes make {count:,} numbers")
+    return count
 
 
 def described(error: BaseException, path: Path | None = None) -> str:

@@ -206,6 +206,8 @@ def test_every_key_of_meta_is_allowed_by_the_schema_of_results():
         ("{'title': 'Net'}", "META has the unknown key title; it may have name, kind, authors"),
         ("{'kind': 'magic'}", "META kind must be one of trivial, classical, learned"),
         ("{'target': 'both'}", "META target must be one of surface, mesh, got 'both'"),
+        ("{'name': None}", "META name must be text, got NoneType: leave it out"),
+        ("{'authors': ['A', 'B']}", "META authors must be text, got list: write it as one line"),
         ("{'name': ''}", "META name must have 1 to 80 characters"),
         (f"{{'name': {'x' * 81!r}}}", "META name must have 1 to 80 characters"),
         ("{1: 'a', 'b': 'c'}", "META has the unknown key 1, b; it may have"),
@@ -342,6 +344,7 @@ def test_answer_that_needs_gradients_is_taken():
         ((i for i in range(4)), "predict returned a generator, it must return an array"),
         ({"a": 1}, "predict returned a dict, it must"),
         (np.ma.masked_greater(np.arange(1.0, 41).reshape(4, 10), 3), "a masked array: fill"),
+        ([np.ma.array(np.ones(10), mask=[True] + 9 * [False])] * 4, "a masked array: fill"),
         ([[1.0], [1.0, 2.0]], "cannot be taken: ValueError: rows of different length"),
     ],
 )
@@ -580,9 +583,11 @@ def test_an_error_whose_message_fails_or_is_long_is_one_short_line():
         assert len(line) < 600
 
 
-def test_parameters_that_are_no_arrays_are_named(load):
+@pytest.mark.parametrize("shape", ["", "(1.5,)", "(float('nan'),)", "(-5,)", "(10**30,)", "5"])
+def test_parameters_that_are_no_arrays_are_named(load, shape):
+    part = f"type('Part', (), {{'shape': {shape}}})" if shape else "3"
     code = "class Predictor:\n    def predict(self, meshes): pass\n"
-    code += "    def parameters(self): return [3]\n"
+    code += f"    def parameters(self): return [{part}]\n"
     with pytest.raises(PredictorError, match=r"parameters\(\) of a Predictor must give tensors"):
         load(code)
 
