@@ -76,6 +76,6 @@ bundle: $(STAMP) # the page's scripts, from benchmark/page/src
 ci: lint types docs test-all ## run all checks: lint, types, docs and every test
 
 clean: ## remove the virtual environment and all caches
-	rm -rf $(VENV) $(VENV)-sbom .mypy_cache .pytest_cache .ruff_cache build dist site sbom*.json *.egg-info
+	rm -rf $(VENV) $(VENV)-sbom .mypy_cache .pytest_cache .ruff_cache build dist site page sbom*.json *.egg-info
 	rm -rf benchmark/page/node_modules benchmark/page/dist
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -70,14 +70,33 @@ def run(name: str, out: str | None, given: Mapping[str, object]) -> int:
         raise ValueError("--only measures a part: give --out FILE, or --out - to write nothing")
     data = module.measure(**options)
     print(as_text(data))
+    problems = module.problems(data) if hasattr(module, "problems") else []
     if out != "-":
         path = Path(out) if out else DATA / f"{FILES.get(name, name).format_map(options)}.json"
+        if out is None and path.exists() and (parts := lost(numbers.read(path.stem), data)):
+            there, path = path.name, path.with_suffix(".partial.json")
+            problems += [f"{there} has more of {', '.join(parts)}: this is in {path} alone"]
         numbers.write(path, data)
-        print(f"{path} written; `python -m evidence fill` brings it into the pages")
-    problems = module.problems(data) if hasattr(module, "problems") else []
+        print(f"{path} written; `python -m evidence fill` brings docs/data into the pages")
     for problem in problems:
         print(f"WRONG: {problem}", file=sys.stderr)
     return int(bool(problems))
+
+
+def lost(old: Mapping[str, object], new: Mapping[str, object]) -> list[str]:
+    """Return the parts of a measurement that another, with fewer options, lacks or has fewer of.
+
+    Examples
+    --------
+    >>> lost({"rows": [1, 2], "figure2": {}, "meshes": 5}, {"rows": [1], "meshes": 4})
+    ['rows', 'figure2']
+    """
+    return [
+        name
+        for name, value in old.items()
+        if not (value is None or name == "machine")
+        and (new.get(name) is None or (isinstance(value, list) and len(new[name]) < len(value)))  # type: ignore[arg-type]
+    ]
 
 
 def as_text(data: Mapping[str, object]) -> str:

@@ -14,6 +14,9 @@ train = SynthNet(version=version, split="train")
 batch = next(iter(DataLoader(train, batch_size=32, shuffle=True)))
 
 shapes = len(set(train.shape_id))
-print(f"{len(train):,} training instances of synthNet {version}: {shapes:,} shapes, 9 of each")
+print(
+    f"{len(train):,} training instances of synthNet {version}: {shapes:,} shapes, "
+    f"{len(train) // shapes} of each"
+)
 print(f"a batch: {batch.num_nodes:,} vertices, {batch.face.shape[1]:,} faces")
 print(f"labels:  {tuple(batch.y.shape)}, the first {batch.y[0].tolist()[:3]} …")

@@ -8,7 +8,7 @@ from itertools import count
 
 import pytest
 
-from evidence import build_memory, installation, numbers, thin_meshes, timing
+from evidence import build_memory, installation, measurements, numbers, thin_meshes, timing
 from evidence.__main__ import main, parser
 from evidence.measurements import FILES, MEASUREMENTS, add_options
 
@@ -51,6 +51,43 @@ def test_a_measurement_writes_its_numbers_and_the_machine(tmp_path, capsys):
     assert [row["number"] for row in written["rows"][-2:]] == [2, 1]
     assert written["machine"]["packages"]["numpy"]
     assert MEASUREMENTS["solver"].table(written).count("\n") == len(written["rows"]) + 1
+
+
+@pytest.mark.parametrize("name", ["ratios", pytest.param("two-numbers", marks=pytest.mark.slow)])
+def test_numbers_that_follow_from_committed_files_are_those_that_are_written(name):
+    written = numbers.read(name)
+    del written["machine"]
+    measured = json.loads(json.dumps(MEASUREMENTS[name].measure()))
+    assert list(measured) == list(written)
+    one, other = (flattened(numbers) for numbers in (measured, written))
+    assert [key for key, _ in one] == [key for key, _ in other]
+    for (key, value), (_, expected) in zip(one, other, strict=True):
+        assert value == expected or value == pytest.approx(expected, rel=1e-3), key
+
+
+def flattened(value, key=""):
+    """Return the leaves of lists and dicts of lists and dicts, and the keys that lead there."""
+    if not isinstance(value, dict | list):
+        return [(key, value)]
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    return [leaf for name, part in items for leaf in flattened(part, f"{key}/{name}")]
+
+
+def test_a_measurement_with_fewer_options_does_not_replace_one_with_more(monkeypatch, tmp_path):
+    monkeypatch.setattr(measurements, "DATA", tmp_path)
+    monkeypatch.setattr(numbers, "DATA", tmp_path)
+    whole = {"rows": [{"largest difference": 0.0}] * 2, "figure2": {"s": 1.0}}
+    lacking = [{**whole, "rows": whole["rows"][:1]}, {**whole, "figure2": None}]
+    results = iter([whole, whole, *lacking])
+    monkeypatch.setattr(MEASUREMENTS["solver"], "measure", lambda: next(results))
+    assert main(["measure", "solver"]) == main(["measure", "solver"]) == 0
+    file, partial = (tmp_path / f"solver{suffix}.json" for suffix in ("", ".partial"))
+    kept = file.read_bytes()
+    assert not partial.exists()
+    for less in lacking:
+        assert main(["measure", "solver"]) == 1
+        assert file.read_bytes() == kept
+        assert json.loads(partial.read_text()).items() >= less.items()
 
 
 def test_wrong_numbers_are_named_and_nothing_is_written_on_request(monkeypatch, capsys):

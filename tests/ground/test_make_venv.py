@@ -1,8 +1,10 @@
 """The script that makes a virtual environment checks whom it takes pip from."""
 
+import contextlib
 import ssl
 import subprocess
 import urllib.error
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 import pytest
@@ -56,6 +58,26 @@ def test_an_index_that_does_not_answer_is_named(script, refusal, monkeypatch):
     silent = Mock(side_effect=urllib.error.URLError("timed out"))
     monkeypatch.setattr(script.urllib.request, "urlopen", silent)
     assert "cannot get pip from the package index index.example: " in refusal()
+
+
+@pytest.mark.parametrize(
+    ("page", "message"),
+    [
+        ('<a href="{wheel}">', "its {wheel} has the wrong SHA-256 digest"),
+        ('<a href="../files/{wheel}#sha256=0">', "its {wheel} has the wrong SHA-256 digest"),
+        ('<a href="pip-1.0-py3-none-any.whl">', "it does not list {wheel}"),
+        ("{wheel}", "it does not list {wheel}"),
+    ],
+)
+def test_pip_is_taken_by_its_name_and_digest_alone(script, refusal, monkeypatch, page, message):
+    def urlopen(url, **_):
+        body = b"another wheel" if url.endswith(script.WHEEL) else page.encode()
+        return contextlib.closing(SimpleNamespace(url=url, read=lambda: body, close=lambda: None))
+
+    page, message = (text.format(wheel=script.WHEEL) for text in (page, message))
+    monkeypatch.setattr(script.urllib.request, "urlopen", urlopen)
+    found = "cannot get pip from the package index index.example: "
+    assert refusal() == f"make_venv: {found}{message}\n"
 
 
 def test_a_certificate_file_that_is_missing_is_an_error(refusal, monkeypatch, tmp_path):

@@ -245,7 +245,9 @@ def test_the_seed_is_nowhere_in_the_predictors_process(
 
 @pytest.mark.attack
 def test_nothing_that_is_published_of_a_score_tells_a_label(score, sealed_truth):
-    printed = score("--json")[1]
+    code, printed, err = score("--json")
+    assert code == 0, err
+    assert '"rpd"' in printed
     labels = [repr(value)[:10] for value in sealed_truth.eigenvalues.ravel().tolist()]
     secrets = [*sealed_truth.shapes.tolist(), *sealed_truth.groups.tolist(), *labels]
     assert [secret for secret in set(secrets) if secret in printed] == []

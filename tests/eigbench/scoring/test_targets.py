@@ -9,7 +9,6 @@ from eigbench.errors import EigbenchError
 from eigbench.scoring import scores, targets, truth
 
 from synthnet.families.limits import Limit
-from synthnet.store import pins
 
 
 @pytest.fixture
@@ -118,12 +117,6 @@ def test_floor_is_what_bars_of_a_tenth_lose(pin, mini_truth):
     for key, value in expected.items():
         assert targets.floor(surface, key) == pytest.approx(value, rel=1e-5), key
     assert targets.floor(surface, "psnr") is None
-
-
-def test_the_pinned_limits_are_those_of_the_pinned_labels():
-    for version in ("1.0", "2.0"):
-        limits, labels = pins.read_limits(version), pins.read(version)
-        assert list(limits) == list(labels)
 
 
 # Ties
