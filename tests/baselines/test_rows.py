@@ -50,9 +50,9 @@ def test_comment_marks_no_row(checkout, capsys):
     assert rows.main(["--marked"]) == 0
     assert commands == []
     out = capsys.readouterr().out
-    assert "0 of 201 rows are marked" in out
+    assert "0 of 207 rows are marked" in out
     assert out.count("as the code is") == 3
-    assert out.count("not run") == 198
+    assert out.count("not run") == 204
 
 
 def test_marked_rows_are_listed_and_nothing_is_run(checkout, capsys):
@@ -61,7 +61,7 @@ def test_marked_rows_are_listed_and_nothing_is_run(checkout, capsys):
     assert rows.main([]) == 0
     out = capsys.readouterr().out
     assert commands == []
-    assert "3 of 201 rows are marked" in out
+    assert "3 of 207 rows are marked" in out
     marked = [line.split()[:2] for line in out.splitlines() if "made by an earlier" in line]
     assert marked == [["1.0/grouped", "mean"], ["2.0/family", "mean"], ["scaling", "mean"]]
 
