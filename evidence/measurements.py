@@ -70,7 +70,7 @@ def run(name: str, out: str | None, given: Mapping[str, object]) -> int:
         raise ValueError("--only measures a part: give --out FILE, or --out - to write nothing")
     data = module.measure(**options)
     print(as_text(data))
-    problems = module.problems(data) if hasattr(module, "problems") else []
+    problems = []
     if out != "-":
         path = Path(out) if out else DATA / f"{FILES.get(name, name).format_map(options)}.json"
         if out is None and path.exists() and (parts := lost(numbers.read(path.stem), data)):
@@ -78,6 +78,8 @@ def run(name: str, out: str | None, given: Mapping[str, object]) -> int:
             problems += [f"{there} has more of {', '.join(parts)}: this is in {path} alone"]
         numbers.write(path, data)
         print(f"{path} written; `python -m evidence fill` brings docs/data into the pages")
+    if hasattr(module, "problems"):
+        problems += module.problems(data)
     for problem in problems:
         print(f"WRONG: {problem}", file=sys.stderr)
     return int(bool(problems))

@@ -669,10 +669,10 @@ def _continued(content: bytes) -> bytes:
     lines, begun = list[bytes](), b""
     for number, line in enumerate(content.splitlines(), start=1):
         text = line.partition(b"#")[0].rstrip()
-        word = text.split(maxsplit=1)[:1]
-        if begun and word and word[0] in OBJ_NUMBERS | {b"f"}:  # of a name such as C:\ it is lost
+        words = text.split(maxsplit=1) if begun else []
+        if words and words[0] in OBJ_NUMBERS | {b"f"}:  # behind a name such as C:\ it is lost
             raise UnreadableError(
-                f"line {number}: {_quoted(word[0])} must begin a line of its own, and the line "
+                f"line {number}: {_quoted(words[0])} must begin a line of its own, and the line "
                 "before goes on: take the backslash at its end away"
             )
         text = begun + text

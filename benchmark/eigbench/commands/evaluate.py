@@ -5,7 +5,7 @@ import os
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rich.console import Console
 
@@ -129,36 +129,43 @@ def _check_out(out: Path, predictor: Path, partial: bool, labels: truth.Truth) -
     """Check that a result may be written: over none but one of the same file and dataset."""
     if not out.exists():
         return
-    model, dataset, whole = _earlier(out)
-    if model["code"] != code_name(predictor):
+    earlier = _earlier(out)
+    if earlier.code != code_name(predictor):
         raise EigbenchError(
-            f"{out} is the result of {model['code']}: give {predictor.name} another --out"
+            f"{out} is the result of {earlier.code}: give {predictor.name} another --out"
         )
-    version, protocol = dataset["version"], dataset["protocol"]
-    if (version, protocol) != (labels.version, labels.protocol):
+    if (earlier.version, earlier.protocol) != (labels.version, labels.protocol):
         raise EigbenchError(
-            f"{out} is a result on {version}, protocol {protocol}: give another --out"
+            f"{out} is a result on {earlier.version}, protocol {earlier.protocol}: give another "
+            "--out"
         )
-    if partial and whole:
+    if partial and not earlier.partial:
         raise EigbenchError(f"{out} is a whole result: give --limit another --out")
 
 
 def _check_name(out: Path, name: str) -> None:
     """Check that a result may be written: over none of a model of another name."""
-    if out.exists() and (there := _earlier(out)[0]["name"]) != name:
+    if out.exists() and (there := _earlier(out).name) != name:
         raise EigbenchError(f"{out} is the result of the model {there}: give {name} another --out")
 
 
-def _earlier(out: Path) -> tuple[dict[str, str], dict[str, str], bool]:
-    """Return what a result is of, model and dataset, and whether it is whole.
+class _Earlier(NamedTuple):
+    """What a result is of; an earlier eigbench may have made it."""
 
-    It may be of an earlier eigbench, whose results are to be made anew.
-    """
+    code: str
+    name: str
+    version: str
+    protocol: str
+    partial: bool
+
+
+def _earlier(out: Path) -> _Earlier:
+    """Return what a result is of; its numbers may be of other metrics, so they are not read."""
     result = results.load(out)
     try:
-        model = {key: result["model"][key] for key in ("code", "name")}
-        dataset = {key: result["dataset"][key] for key in ("version", "protocol")}
-        return model, dataset, not result["partial"]
+        model, dataset = result["model"], result["dataset"]
+        facts = model["code"], model["name"], dataset["version"], dataset["protocol"]
+        return _Earlier(*facts, result["partial"])
     except (KeyError, TypeError) as error:
         raise EigbenchError(
             f"{out} is no result of `eigbench evaluate`: give another --out"

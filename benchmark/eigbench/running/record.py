@@ -162,6 +162,24 @@ def larger(errors: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
     return bool(apart.mean() > SURE * chance and errors.mean() > BETTER * others.mean())
 
 
+def oftener_larger(errors: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
+    """Return whether errors exceed paired ones, both (n,), more often than chance explains.
+
+    This is a sign test; infinity is larger than any error. The medians must differ as well.
+
+    Examples
+    --------
+    >>> oftener_larger(np.append(np.linspace(1, 2, 30), np.inf), np.linspace(0.5, 1, 31))
+    True
+    >>> oftener_larger(np.linspace(1, 1.1, 30), np.linspace(1, 1, 30))  # by a twentieth
+    False
+    """
+    more, less = (errors > others).sum(), (errors < others).sum()
+    chance = np.sqrt(more + less)
+    median = np.median(errors) > BETTER * np.median(others)
+    return bool(more - less > SURE * chance and median)
+
+
 def _by_turn(
     errors: NDArray[np.float64], truth: Truth, evaluation: Evaluation
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -177,28 +177,11 @@ def better_among_others(
         errors = scores.of_metric(labels, both, "rpd")
         with_others, alone = np.where(np.isfinite(errors), errors, np.inf)
         finite = np.isfinite(errors).all(axis=0)
-        if record.larger(alone[finite], with_others[finite]) or oftener_larger(alone, with_others):
+        larger = record.larger(alone[finite], with_others[finite])
+        if larger or record.oftener_larger(alone, with_others):
             lines.append(
                 f"a mesh by itself is answered with an RPD of {alone.mean():.3g} against the "
                 f"{every.target}, and of {with_others.mean():.3g} among other meshes of its "
                 "surface: it is not predicted from the mesh alone"
             )
     return lines
-
-
-def oftener_larger(errors: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
-    """Return whether errors exceed paired ones, both (n,), more often than chance explains.
-
-    This is a sign test; infinity is larger than any error. The medians must differ as well.
-
-    Examples
-    --------
-    >>> oftener_larger(np.append(np.linspace(1, 2, 30), np.inf), np.linspace(0.5, 1, 31))
-    True
-    >>> oftener_larger(np.linspace(1, 1.1, 30), np.linspace(1, 1, 30))  # by a twentieth
-    False
-    """
-    more, less = (errors > others).sum(), (errors < others).sum()
-    chance = np.sqrt(more + less)
-    median = np.median(errors) > record.BETTER * np.median(others)
-    return bool(more - less > record.SURE * chance and median)

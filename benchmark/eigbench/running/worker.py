@@ -130,13 +130,15 @@ def _attempts() -> dict[str, None]:
             note(what, arguments[number])
 
     def note(what: str, where: Any) -> None:
+        if len(noted) >= MOST_ATTEMPTS:
+            return
         if what == "connect":
             where = str(where)
         elif isinstance(where, str | bytes | os.PathLike):
             where = os.path.abspath(os.fsdecode(where))  # noqa: PTH100  # it follows no link
         else:
             return  # a descriptor
-        if where.isprintable() and len(where) <= LONGEST_PATH and len(noted) < MOST_ATTEMPTS:
+        if where.isprintable() and len(where) <= LONGEST_PATH:
             noted[f"{what} {where}"] = None
 
     sys.addaudithook(look)
